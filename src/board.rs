@@ -8,26 +8,30 @@ pub mod flash;
 #[path = "board/h743_flash.rs"]
 pub mod flash;
 mod host_links;
+#[cfg(has_loader)]
+mod loader;
 #[cfg(feature = "nucleo-g474re")]
 mod nucleo_g474re;
 #[cfg(feature = "nucleo-h743zi")]
 mod nucleo_h743zi;
 mod serial;
 
+// As the flash interfaces have it, which a loader has, too.
+use embassy_stm32::pac;
 #[cfg(feature = "nucleo-g474re")]
 pub use nucleo_g474re::{
-    CAN_BUSES, CAN_TIMINGS, HOST_UARTS, RS485_BUSES, UsbDriver, UsbPort, WATCHDOG,
+    CAN_BUSES, CAN_TIMINGS, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort, WATCHDOG,
     begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock, set_enable_output,
     start, start_rom_bootloader,
 };
 #[cfg(feature = "nucleo-h743zi")]
 pub use nucleo_h743zi::{
-    CAN_BUSES, CAN_TIMINGS, HOST_UARTS, RS485_BUSES, UsbDriver, UsbPort, WATCHDOG,
+    CAN_BUSES, CAN_TIMINGS, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort, WATCHDOG,
     begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock, set_enable_output,
     start, start_rom_bootloader,
 };
 
 /// Version of the firmware.
-const FIRMWARE: &str = env!("CARGO_PKG_VERSION");
+pub const FIRMWARE: &str = env!("CARGO_PKG_VERSION");
 /// The commit, as build.rs found it.
 const BUILD_ID: &str = env!("GATEWAY_BUILD_ID");

@@ -17,6 +17,8 @@ mod fault;
 #[cfg(target_os = "none")]
 mod fdcan;
 #[cfg(target_os = "none")]
+mod image;
+#[cfg(target_os = "none")]
 mod line;
 #[cfg(target_os = "none")]
 mod log;

@@ -7,6 +7,7 @@
 use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
 
+use cortex_m::peripheral::SCB;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::Mutex;
@@ -14,7 +15,7 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
 use gateway::{
-    Board, BusSetup, Changes, Event, Found, Gateway, Instant, Light, LogEntry, MAX_LINKS,
+    Board, BusSetup, Changes, Event, Found, Gateway, Images, Instant, Light, LogEntry, MAX_LINKS,
     MAX_STORED_ROW, NextRow, Save, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
@@ -153,6 +154,11 @@ impl SharedGateway {
     /// Whether start after start has failed: this run is without configuration.
     pub fn is_bare(&self) -> bool {
         self.is_bare
+    }
+
+    /// Tells what is known of images; once, before any host is heard.
+    pub fn set_images(&self, images: Images) {
+        self.with(|parts, now| parts.core.set_images(now, images));
     }
 
     /// Takes over what is stored, and starts where a reset has left nothing.
@@ -296,6 +302,9 @@ impl SharedGateway {
         }
         if changes.save {
             self.save.signal(());
+        }
+        if changes.restart {
+            SCB::sys_reset();
         }
         for (_, link) in (0u8..).zip(&self.links).filter(|(index, _)| changes.links.has(*index)) {
             link.signal(());

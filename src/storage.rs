@@ -1,4 +1,5 @@
-//! The pages of the flash that keep the configuration over a loss of power.
+//! Pages of the flash: those that keep the configuration over a loss of power, and those of another
+//! image.
 //!
 //! The chip takes up to seconds for an operation; meanwhile every other task runs. Each operation has
 //! a deadline, and what was written is read back.
@@ -22,56 +23,83 @@ const WRITE_POLL: Duration = Duration::from_micros(50);
 const READS_AT_ONCE: usize = 16;
 
 unsafe extern "C" {
-    /// Begin and end of the pages; the board's memory regions.
+    /// Begin and end of the stored configuration; the board's memory regions.
     static _storage_start: u8;
     static _storage_end: u8;
 }
 
-/// The pages, which have one owner.
-pub struct StorageFlash {
+#[cfg(has_loader)]
+unsafe extern "C" {
+    /// Begin and end of the place of another image, and of what is to become of it.
+    static _update_start: u8;
+    static _update_end: u8;
+    static _state_start: u8;
+    static _state_end: u8;
+}
+
+/// Whole pages of the flash, which have one owner.
+pub struct Pages {
+    start: u32,
+    length: u32,
     /// Words read so far.
     reads: usize,
 }
 
-impl StorageFlash {
-    /// The pages of this board, once; nothing where the program may run from them.
-    pub fn new() -> Option<Self> {
-        flash::has_two_banks().then_some(Self { reads: 0 })
+impl Pages {
+    /// Those of the stored configuration, once; nothing where the program may run from them.
+    pub fn of_configuration() -> Option<Self> {
+        let pages = Self::between(&raw const _storage_start, &raw const _storage_end);
+        flash::has_two_banks().then_some(pages)
     }
 
-    /// Bytes of all pages.
-    pub fn length() -> u32 {
-        &raw const _storage_end as u32 - first()
+    /// Those of another image, and those that say what is to become of it; once.
+    #[cfg(has_loader)]
+    pub fn of_images() -> [Self; 2] {
+        [
+            Self::between(&raw const _update_start, &raw const _update_end),
+            Self::between(&raw const _state_start, &raw const _state_end),
+        ]
     }
 
-    /// Waits for the end of what was begun.
-    async fn ended(poll: Duration, limit: Duration) -> Result<(), Failure> {
-        let end = Instant::now() + limit;
+    /// Of addresses.
+    fn between(start: *const u8, end: *const u8) -> Self {
+        Self { start: start as u32, length: end as u32 - start as u32, reads: 0 }
+    }
+
+    /// Bytes of all of them.
+    pub fn length(&self) -> u32 {
+        self.length
+    }
+
+    /// Waits for the end of what was begun at an address.
+    async fn ended(
+        address: u32,
+        poll: Duration,
+        limit: core::time::Duration,
+    ) -> Result<(), Failure> {
+        let begun = Instant::now();
+        let limit = Duration::try_from(limit).unwrap_or(Duration::MIN);
         let result = loop {
-            match flash::result() {
+            match flash::result(address) {
                 Some(succeeded) => break succeeded,
-                None if Instant::now() >= end => break false,
+                None if begun.elapsed() >= limit => break false,
                 None => Timer::after(poll).await,
             }
         };
-        flash::end();
+        flash::end(address);
         if result { Ok(()) } else { Err(Failure) }
     }
 
     async fn write_word(address: u32, word: &[u8; WORD]) -> Result<(), Failure> {
-        if flash::result().is_none() {
+        if flash::result(address).is_none() {
             return Err(Failure);
         }
         flash::begin_write(address, word);
-        Self::ended(WRITE_POLL, flash::WRITE_LIMIT).await?;
+        Self::ended(address, WRITE_POLL, flash::WRITE_LIMIT).await?;
         let mut written = [0; WORD];
         flash::read(address, &mut written);
         if written == *word { Ok(()) } else { Err(Failure) }
     }
-}
-
-fn first() -> u32 {
-    &raw const _storage_start as u32
 }
 
 /// The flash did not do what it was told.
@@ -84,11 +112,11 @@ impl NorFlashError for Failure {
     }
 }
 
-impl ErrorType for StorageFlash {
+impl ErrorType for Pages {
     type Error = Failure;
 }
 
-impl ReadNorFlash for StorageFlash {
+impl ReadNorFlash for Pages {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failure> {
@@ -105,7 +133,7 @@ impl ReadNorFlash for StorageFlash {
                 yield_now().await;
             }
             let begin = u32::try_from(at - skipped).map_err(|_| Failure)?;
-            flash::read(first() + begin, &mut word);
+            flash::read(self.start + begin, &mut word);
             let (now, later) = rest.split_at_mut(rest.len().min(WORD - skipped));
             now.copy_from_slice(word.get(skipped..skipped + now.len()).ok_or(Failure)?);
             at += now.len();
@@ -115,21 +143,22 @@ impl ReadNorFlash for StorageFlash {
     }
 
     fn capacity(&self) -> usize {
-        Self::length() as usize
+        self.length as usize
     }
 }
 
-impl NorFlash for StorageFlash {
+impl NorFlash for Pages {
     const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = PAGE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Failure> {
-        for offset in (from..to.min(Self::length())).step_by(PAGE) {
-            if flash::result().is_none() {
+        for offset in (from..to.min(self.length)).step_by(PAGE) {
+            let address = self.start + offset;
+            if flash::result(address).is_none() {
                 return Err(Failure);
             }
-            flash::begin_erase(first() + offset);
-            Self::ended(ERASE_POLL, flash::ERASE_LIMIT).await?;
+            flash::begin_erase(address);
+            Self::ended(address, ERASE_POLL, flash::ERASE_LIMIT).await?;
             // What feeds the watchdog may have stood still.
             Timer::after(ERASE_POLL).await;
         }
@@ -138,11 +167,11 @@ impl NorFlash for StorageFlash {
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failure> {
         let (words, _) = bytes.as_chunks();
-        for (at, word) in (offset..Self::length()).step_by(WORD).zip(words) {
-            let result = Self::write_word(first() + at, word).await;
+        for (at, word) in (offset..self.length).step_by(WORD).zip(words) {
+            let result = Self::write_word(self.start + at, word).await;
             if result.is_err() && *word != [0; WORD] {
                 // Nobody is to take it for an erased one.
-                let _ = Self::write_word(first() + at, &[0; WORD]).await;
+                let _ = Self::write_word(self.start + at, &[0; WORD]).await;
             }
             result?;
         }

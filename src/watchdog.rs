@@ -16,15 +16,17 @@ mod verdict;
 pub use check_in::{TASKS, TaskId, Watch, ask, missing};
 pub use verdict::{CHECK_IN_WORDS, forget, note_missing, write_verdict};
 
-use embassy_stm32::pac::iwdg::vals::Key;
+use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
 use crate::board::WATCHDOG;
 
 /// Nominal frequency of its oscillator, the LSI. It is between 29.5 and 34 kHz over all boards and
 /// temperatures (data sheets): 50 ms are 47 to 54 ms.
 const LSI_HZ: u32 = 32_000;
-/// Clocks of one count: the prescaler's reset value.
+/// Clocks of one count, as the prescaler divides: its reset value, but a loader that has exchanged
+/// images leaves another.
 const CLOCKS_PER_COUNT: u32 = 4;
+const PRESCALER: Pr = Pr::DIVIDE_BY4;
 /// From the last feed to the reset.
 const TIMEOUT_MS: u32 = 50;
 /// 32 kHz / 4 × 50 ms = 400 counts, and the count after 0 resets.
@@ -39,6 +41,7 @@ const SETTLING_POLLS: usize = 20_000;
 pub fn start() {
     WATCHDOG.kr().write(|w| w.set_key(Key::START));
     WATCHDOG.kr().write(|w| w.set_key(Key::ENABLE));
+    WATCHDOG.pr().write(|w| w.set_pr(PRESCALER));
     WATCHDOG.rlr().write(|w| w.set_rl(RELOAD));
     for _ in 0..SETTLING_POLLS {
         if WATCHDOG.sr().read().0 == 0 {

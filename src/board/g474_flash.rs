@@ -8,9 +8,9 @@
 //! By registers: the driver has no deadline for an operation.
 
 use core::sync::atomic::{AtomicU8, Ordering};
+use core::time::Duration;
 
-use embassy_stm32::pac::FLASH;
-use embassy_time::Duration;
+use super::pac::FLASH;
 
 /// Bytes of a page, which is erased as a whole, and of a word, which is written as a whole.
 pub const PAGE: usize = 2 << 10;
@@ -80,8 +80,8 @@ pub fn begin_write(address: u32, word: &[u8; WORD]) {
     }
 }
 
-/// Whether what was begun has succeeded; nothing while it is under way.
-pub fn result() -> Option<bool> {
+/// Whether what was begun at an address has succeeded; nothing while it is under way.
+pub fn result(_address: u32) -> Option<bool> {
     let status = FLASH.sr().read();
     let failed = status.operr()
         || status.progerr()
@@ -92,8 +92,8 @@ pub fn result() -> Option<bool> {
     (!status.bsy()).then_some(!failed)
 }
 
-/// Locks the flash again.
-pub fn end() {
+/// Locks the flash again, whatever the address.
+pub fn end(_address: u32) {
     FLASH.cr().modify(|w| {
         w.set_per(false);
         w.set_bker(false);

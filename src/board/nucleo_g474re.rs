@@ -89,6 +89,8 @@ const PWR_CR5_R1MODE: u32 = 1 << 8;
 /// At least 1 us at half the frequency.
 const BOOST_CYCLES: u32 = 100;
 
+/// Its name.
+pub const NAME: &str = "nucleo-g474re";
 /// CAN buses, numbered first.
 pub const CAN_BUSES: usize = 3;
 /// RS485 buses, numbered after them.
@@ -419,7 +421,7 @@ fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) ->
         (&[OFF_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], Some(BusLimit::BootPin))
     };
     Board {
-        name: "nucleo-g474re",
+        name: NAME,
         firmware: FIRMWARE,
         build_id: BUILD_ID,
         boot,

@@ -78,6 +78,8 @@ const FIRST_WITH_SOUND_READS: u32 = 0x2000;
 const REVISION_X: u16 = 0x2001;
 const REVISION_V: u16 = 0x2003;
 
+/// Its name.
+pub const NAME: &str = "nucleo-h743zi";
 /// CAN buses, numbered first.
 pub const CAN_BUSES: usize = 2;
 /// RS485 buses, numbered after them.
@@ -456,7 +458,7 @@ fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) ->
         (&[CAN_BUS, OFF_CAN_BUS, RS485_BUS], Some(BusLimit::ChipRevision))
     };
     Board {
-        name: "nucleo-h743zi",
+        name: NAME,
         firmware: FIRMWARE,
         build_id: BUILD_ID,
         boot,

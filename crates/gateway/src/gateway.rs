@@ -1,5 +1,6 @@
 //! The gateway as one object: events in, frames out.
 
+mod image;
 mod names;
 mod pins;
 mod requests;
@@ -22,6 +23,7 @@ use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
 use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request, TripReason};
+use image::Image;
 use names::Names;
 use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
@@ -57,6 +59,7 @@ pub struct Gateway {
     /// Changes of the configuration that the host in command has not made yet.
     pub(crate) draft: Draft,
     pub(crate) stored: Stored,
+    pub(crate) image: Image,
     pub(crate) names: Names,
     pub(crate) now: Instant,
     /// Buses that may have changed since it was worked out when they are due.
@@ -104,6 +107,7 @@ impl Gateway {
             retention: Retention::new(),
             draft: Draft::new(),
             stored: Stored::new(),
+            image: Image::new(),
             names: Names::new(),
             now: Instant::from_micros(0),
             touched_buses: Set::NONE,
@@ -255,7 +259,8 @@ impl Gateway {
         let (links, log) = self.links.take_changed();
         let history = !self.retention.is_complete();
         let save = self.stored.is_due();
-        Changes { buses: self.changed_buses.take(), links, log, history, save }
+        let restart = self.image.restarts(self.now) && !self.stored.is_saving();
+        Changes { buses: self.changed_buses.take(), links, log, history, save, restart }
     }
 
     /// Records new trips in the history, one call later: the stop frames go first.
@@ -393,7 +398,8 @@ impl Gateway {
         }
         let together = self.together.as_ref().and_then(Together::deadline);
         let running = self.running.as_ref().map(Running::deadline);
-        for at in [self.authority.deadline(), together, running].into_iter().flatten() {
+        let restart = self.image.deadline().filter(|_| !self.stored.is_saving());
+        for at in [self.authority.deadline(), together, running, restart].into_iter().flatten() {
             next = next.min(at);
         }
         (next < Instant::NEVER).then_some(next)

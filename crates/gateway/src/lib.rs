@@ -31,8 +31,8 @@ pub use bus_rules::check_bus_config;
 pub use gateway::{Gateway, MAX_STORED_ROW, NextRow, RETAINED_WORDS, STORED_ROWS};
 pub use log::LogEntry;
 pub use port::{
-    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Found, Light, LinkPort, Outgoing, Save,
-    SaveError, Store, Transmit,
+    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Found, FoundImage, ImageJob, Images,
+    Light, LinkPort, Outgoing, Save, SaveError, Store, Transmit,
 };
 pub use rules::{AxisRules, NativeEffect};
 pub use set::Set;

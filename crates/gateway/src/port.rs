@@ -31,12 +31,18 @@
 //! - Where it can store the configuration, it calls [`Gateway::load`](crate::Gateway::load) once,
 //!   before `restore`, and carries out what [`Gateway::take_save`](crate::Gateway::take_save) gives
 //!   when [`Changes`] says so; then it reports [`Event::Saved`].
+//! - Where it can take images of the firmware, it calls
+//!   [`Gateway::set_images`](crate::Gateway::set_images) once, before it opens the host links, and
+//!   carries those jobs out too. When [`Changes`] says so it starts anew, at once.
 //! - After every call of `handle` it sets its enable output to
 //!   [`Gateway::enable_output`](crate::Gateway::enable_output).
 
 use crate::set::Set;
 use heapless::Vec;
-use host_protocol::{BusMode, BusState, CanFrame};
+use host_protocol::{
+    BusMode, BusState, Bytes, CanFrame, FirmwareVersion, MAX_IMAGE_BYTES, SIGNATURE_SIZE,
+    requests::BeginImage,
+};
 
 /// Frames the core hands to one CAN controller at the same time: one, and a second only for a stop.
 pub const TRANSMIT_SLOTS: usize = 2;
@@ -140,19 +146,80 @@ pub struct Changes {
     pub history: bool,
     /// [`Gateway::take_save`](crate::Gateway::take_save) has something.
     pub save: bool,
+    /// The gateway is to start anew now.
+    pub restart: bool,
 }
 
-/// What becomes of the stored configuration, whole or not at all.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What is to be stored.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Save {
-    /// It becomes the rows that [`Gateway::stored_row`](crate::Gateway::stored_row) gives, and this
+    /// The stored configuration, whole or not at all: it becomes the rows that [`Gateway::stored_row`](crate::Gateway::stored_row) gives, and this
     /// number with them, by which the core knows them again.
     Rows {
         /// That number.
         digest: u32,
     },
-    /// There is none any more.
+    /// There is no stored configuration any more.
     Nothing,
+    /// An image of the firmware.
+    Image(ImageJob),
+}
+
+/// What becomes of an image of the firmware that a host sends.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ImageJob {
+    /// Bytes of it are written, in their order. What is erased at once is erased before its first
+    /// byte is written.
+    Write {
+        /// Where they lie in the image, a multiple of [`IMAGE_UNIT`](host_protocol::IMAGE_UNIT).
+        offset: u32,
+        /// The bytes, whole units.
+        bytes: Bytes<MAX_IMAGE_BYTES>,
+    },
+    /// All of it is read back and checked, and runs on trial from the next start on.
+    Finish {
+        /// What was announced of it.
+        image: BeginImage,
+        /// Its signature, or nothing.
+        signature: Bytes<SIGNATURE_SIZE>,
+    },
+    /// The image that runs on trial is kept.
+    Confirm,
+}
+
+/// The image that runs, and the room for another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Images {
+    /// The version of the one that runs.
+    pub version: FirmwareVersion,
+    /// Bytes of the longest image that may take its place; 0: none may.
+    pub room: u32,
+    /// Whether only images signed with the key of the one that runs may.
+    pub needs_signature: bool,
+    /// What the start has found.
+    pub found: FoundImage,
+}
+
+impl Images {
+    /// Of a board that takes no images.
+    pub const NONE: Self = Self {
+        version: FirmwareVersion { major: 0, minor: 0, patch: 0 },
+        room: 0,
+        needs_signature: false,
+        found: FoundImage::Kept,
+    };
+}
+
+/// What a start finds out about the image that runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FoundImage {
+    /// It is kept.
+    Kept,
+    /// It is new, and on trial: the one before runs again from the next start on, unless it is
+    /// confirmed.
+    OnTrial,
+    /// It runs again, as another was not confirmed.
+    RolledBack,
 }
 
 /// What a start finds where the configuration is stored.
@@ -187,6 +254,10 @@ pub enum SaveError {
     Full,
     /// The memory did not take it.
     Failed,
+    /// An image is not what was announced.
+    Damaged,
+    /// An image lacks the signature of the key of the one that runs.
+    NotSigned,
 }
 
 /// What the light of a board shows.

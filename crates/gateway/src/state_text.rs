@@ -37,6 +37,7 @@ impl Gateway {
             retention,
             draft,
             stored,
+            image,
             names,
             now,
             // Functions of the others, or of who has asked since.
@@ -56,7 +57,7 @@ impl Gateway {
         }
         write!(
             to,
-            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}{stored:?}{names:?}"
+            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}{stored:?}{image:?}{names:?}"
         )?;
         write!(
             to,

@@ -13,6 +13,7 @@ use crate::error_text::{
 };
 use crate::field_doc::field_doc;
 use crate::frame::Kind;
+use crate::image::{FirmwareVersion, IMAGE_UNIT, MAX_IMAGE_BYTES};
 use crate::messages::{DecodeError, decode_body, numbered};
 use crate::names::{MAX_NAME, Subject};
 use crate::protocol::Protocol;
@@ -435,6 +436,50 @@ errors! {
     /// Another bus, or another axis, has this name.
     121 NameTaken { of: Subject, by: Subject }
         "{by} has the name that {of} is given; choose another, or give {by} another";
+    /// This board takes no firmware over a host link.
+    122 NoImageRoom {}
+        "this board takes no firmware over a host link: flash it by its probe, or over USB by DFU \
+        (docs/usb.md)";
+    /// The image is for another board.
+    123 ImageForAnotherBoard {}
+        "the image is for another board; nothing was written";
+    /// The image is older than the one that runs.
+    124 OlderImage { running: FirmwareVersion }
+        "the image is older than version {running}, which runs; nothing was written. Ask for it with \
+        --allow-older if that is meant";
+    /// No image has so many bytes.
+    125 ImageLength { room: u32 }
+        "an image has 1 to {} units of {IMAGE_UNIT} bytes; nothing was written", room as usize / IMAGE_UNIT;
+    /// These are not the bytes of the image that come next.
+    126 ImageGap { next: u32 }
+        "the next bytes of the image are those from {next} on, 1 to {} units of {IMAGE_UNIT}, and \
+        no more than were announced", MAX_IMAGE_BYTES / IMAGE_UNIT;
+    /// No image was begun, or bytes of it are missing.
+    127 ImageIncomplete { missing: u32 }
+        "{missing} bytes of the image are missing, or none was begun: the firmware that runs stays; \
+        send it again";
+    /// What was written is not the image that was announced.
+    128 ImageDamaged {}
+        "what was written is not the image that was announced (its checksum, board or version \
+        differs): the firmware that runs stays; send it again";
+    /// The image lacks the signature of the key that the firmware carries.
+    129 ImageNotSigned {}
+        "the firmware that runs takes only images signed with its key, and this signature is none: \
+        it stays";
+    /// The flash did not take the image.
+    130 ImageNotWritten {}
+        "the flash did not take the image: the firmware that runs stays; send it again, and replace \
+        the board if that does not help";
+    /// The firmware runs on trial: until it is confirmed nothing is armed or stored.
+    131 ImageOnTrial {}
+        "this firmware runs on trial since its update, and until it is confirmed nothing is armed or \
+        stored; confirm it (mgw update --confirm), or the one before runs again within 60 s";
+    /// No firmware runs on trial.
+    132 NoImageOnTrial {}
+        "no firmware runs on trial, so there is none to confirm; see mgw info";
+    /// The gateway starts anew in a moment.
+    133 Restarting {}
+        "the gateway starts anew in a moment; connect to it again";
 }
 
 impl core::error::Error for Error {}

@@ -36,9 +36,11 @@ field_docs! { $
     max "The largest allowed.";
     max_axes "Axes are numbered from 0 to one less than this.";
     min "The smallest allowed.";
+    missing "Bytes of it that are missing.";
     most "As many fit.";
     needed_permille "What is needed, 1/1000 of the bitrate.";
     name "Its name.";
+    next "The first byte that is missing.";
     node "The node of its motor.";
     now_us "Low 32 bits of the gateway time, µs.";
     number "Its number.";
@@ -50,6 +52,8 @@ field_docs! { $
     protocol "The protocol of the motor.";
     quantity "Which value.";
     reason "Why.";
+    room "Bytes of the longest image.";
+    running "The version that runs.";
     stated "The dialect of the axis, by its number in `rmd_dialect`.";
     state "The state of the axis.";
     value "What it is, in its own unit.";

@@ -40,6 +40,7 @@ mod errors;
 mod events;
 mod field_doc;
 mod frame;
+mod image;
 mod incident;
 #[cfg(test)]
 mod largest;
@@ -74,6 +75,7 @@ pub use frame::{
     CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME,
     MAX_MESSAGE,
 };
+pub use image::{FirmwareVersion, IMAGE_UNIT, ImageState, MAX_IMAGE_BYTES, SIGNATURE_SIZE};
 pub use incident::{BootReason, Incident};
 pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
 pub use names::{MAX_NAME, Named, Subject, is_name};

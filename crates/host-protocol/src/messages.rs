@@ -145,7 +145,7 @@ macro_rules! messages {
     ($($number:literal $name:ident -> $reply:ident)+) => {
         /// Every request.
         #[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
-        #[derive(Debug, Clone, PartialEq)]
+        #[derive(Debug, Clone, PartialEq, Serialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Request {
             $(#[doc = concat!("[`", stringify!($name), "`](requests::", stringify!($name), ")")]
@@ -153,7 +153,7 @@ macro_rules! messages {
         }
 
         /// Every reply, named for its request.
-        #[derive(Debug, Clone, PartialEq)]
+        #[derive(Debug, Clone, PartialEq, Serialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Reply {
             $(#[doc = concat!("To [`", stringify!($name), "`](requests::", stringify!($name), ")")]
@@ -281,6 +281,12 @@ messages! {
 
     0x0072 Recognise -> Recognition
     0x0073 RawOpenAt -> Done
+
+    0x0080 ReadImage -> ImageReport
+    0x0081 BeginImage -> Done
+    0x0082 WriteImage -> Done
+    0x0083 FinishImage -> Done
+    0x0084 ConfirmImage -> Done
 }
 
 const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");

@@ -6,6 +6,7 @@ use crate::bus::{BusCapability, BusConfig, BusCounters, BusLimit, BusState, Rece
 use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::{Setting, StoredState};
 use crate::cycle::{FixedU32, MAX_STATES};
+use crate::image::{FirmwareVersion, ImageState};
 use crate::incident::{BootReason, Incident};
 use crate::names::{Named, Subject};
 use crate::protocol::StateFields;
@@ -69,6 +70,20 @@ wire! {
     pub struct Pong {
         /// Gateway time at which the ping was executed, µs.
         pub time_us: u64,
+    }
+
+    /// Which firmware runs, and whether another may take its place.
+    #[derive(Copy, Eq)]
+    pub struct ImageReport {
+        /// Its version.
+        pub version: FirmwareVersion,
+        /// Bytes of the longest image that may take its place; 0: this board takes none over a host
+        /// link.
+        pub room: u32,
+        /// Whether only images that are signed with its key may.
+        pub needs_signature: bool,
+        /// What became of the last one that was sent.
+        pub state: ImageState,
     }
 
     /// How a bus is.

@@ -6,10 +6,11 @@ use crate::bus::{BusMode, RawFrame};
 use crate::can_frame::MAX_CAN_DATA;
 use crate::changes::Change;
 use crate::cycle::{FixedU32, MAX_CYCLE_AXES};
+use crate::image::{FirmwareVersion, MAX_IMAGE_BYTES, SIGNATURE_SIZE};
 use crate::names::Subject;
 use crate::protocol::{ProtocolSet, StateFields};
 use crate::size::wire;
-use crate::text::Bytes;
+use crate::text::{Bytes, Text};
 use crate::value::Value;
 use heapless::Vec;
 
@@ -369,6 +370,49 @@ wire! {
     /// of an axis that is armed, arming, stopping or tripped what it answered last.
     #[derive(Copy, Eq)]
     pub struct Recognise { pub axis: u8 }
+
+    /// Asks which firmware runs, and whether another may take its place.
+    #[derive(Copy, Eq)]
+    pub struct ReadImage {}
+
+    /// Begins to send an image of the firmware, and forgets one that was begun before. Nothing runs
+    /// otherwise until [`FinishImage`].
+    #[derive(Eq)]
+    pub struct BeginImage {
+        /// The board that it is for, as [`HelloReply`](crate::replies::HelloReply) names it.
+        pub board: Text<24>,
+        /// Its version.
+        pub version: FirmwareVersion,
+        /// Its bytes, a multiple of [`IMAGE_UNIT`](crate::IMAGE_UNIT).
+        pub length: u32,
+        /// CRC-32C of all of them.
+        pub checksum: u32,
+        /// Whether it may be older than the one that runs.
+        pub allow_older: bool,
+    }
+
+    /// The next bytes of the image that was begun. Only while all axes are at rest; answered when
+    /// they are in the flash, which takes up to 4 s where a sector is erased first.
+    #[derive(Eq)]
+    pub struct WriteImage {
+        /// Where they lie in the image: where the ones before end.
+        pub offset: u32,
+        /// One or more units of [`IMAGE_UNIT`](crate::IMAGE_UNIT) bytes.
+        pub bytes: Bytes<MAX_IMAGE_BYTES>,
+    }
+
+    /// Has the image that was sent read back and checked, and run on trial: the gateway starts anew
+    /// 100 ms after the answer. Only while all axes are at rest.
+    #[derive(Eq)]
+    pub struct FinishImage {
+        /// Its Ed25519 signature (docs/update.md), or nothing.
+        pub signature: Bytes<SIGNATURE_SIZE>,
+    }
+
+    /// Keeps the image that runs on trial: without it the one before runs again from the next start
+    /// on, which comes 60 s after the first. Until then nothing is armed.
+    #[derive(Copy, Eq)]
+    pub struct ConfirmImage {}
 
     /// Asks for the last trips and starts, which outlive a reset.
     #[derive(Copy, Eq)]

@@ -189,6 +189,7 @@ fn types_are_those_of_the_code() {
         Value,
         Change,
         Subject,
+        ImageState,
         AxisState,
         Setpoint,
         StopTarget,
@@ -227,6 +228,7 @@ fn types_are_those_of_the_code() {
         FaultReading,
         Setting,
         Named,
+        FirmwareVersion,
         Member,
         VersionAnswer
     );

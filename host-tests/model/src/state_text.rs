@@ -29,6 +29,7 @@ impl Oracle {
             e_stop_asked_us,
             starts,
             history,
+            stored,
             unlisted,
             violations: _,
             motions: _,
@@ -55,7 +56,7 @@ impl Oracle {
                 .filter(arms)
                 .try_for_each(|record| write!(to, "{:?}", record.request))?;
         }
-        write!(to, "{listener} {holder:?} {silence_us} {history:?} {unlisted:?}")?;
+        write!(to, "{listener} {holder:?} {silence_us} {history:?} {stored:?} {unlisted:?}")?;
         write!(to, "{e_stopped} {e_stop_open} {e_stop_asked_us:?} {starts}")
     }
 }

@@ -3,10 +3,12 @@
 use std::time::Duration;
 
 use host_protocol::Incident;
-use mgw_sim::MotorEvent;
+use mgw_client::Client;
+use mgw_sim::{MotorEvent, SimTransport};
 
-use super::Bench;
 use super::line::Mark;
+use super::{Bench, CLEAN_LINK};
+use crate::scenario::images::runs;
 use crate::scenario::words::{duration, parse};
 
 /// A shaft slower than this is at rest, rad/s.
@@ -38,6 +40,14 @@ impl Bench {
                 let baud = self.line.borrow().baud();
                 hold(baud == parse::<u32>(words, 1, "rate")?, || {
                     format!("the gateway is at {baud} baud")
+                })
+            }
+            "runs" => {
+                let clean = SimTransport::new(self.world.clone(), CLEAN_LINK);
+                let mut client = Client::connect(clean).map_err(|error| error.to_string())?;
+                let seen = runs(&mut client)?;
+                hold(words.get(1..) == Some(&seen.split(' ').collect::<Vec<_>>()), || {
+                    format!("{seen} runs")
                 })
             }
             "took" => {

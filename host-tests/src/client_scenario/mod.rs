@@ -9,6 +9,7 @@ mod action;
 mod channel;
 mod expect;
 mod forge;
+mod image;
 mod line;
 
 use std::cell::RefCell;
@@ -21,6 +22,7 @@ use mgw_sim::{Injection, SimTransport, TraceEntry, Wiring, World};
 
 use crate::scenario::words::{duration, motor, parse, without_comment};
 use action::{Action, Moment};
+use image::ImageFile;
 use line::{Line, Wire};
 
 /// The link over which the gateway is set up and looked at.
@@ -39,6 +41,8 @@ struct Bench {
     outcome: Option<(Outcome, Duration)>,
     /// What was on the buses while it ran.
     trace: Vec<TraceEntry>,
+    /// The file that the word `IMAGE` of a command means.
+    image: Option<ImageFile>,
 }
 
 /// Plays a scenario with one seed.
@@ -79,7 +83,7 @@ impl Bench {
             let jitter = Duration::from_micros(line.borrow_mut().random.u64(..REPLY_JITTER_US));
             world.borrow_mut().inject(motor, Injection::ReplyJitter(jitter));
         }
-        let mut bench = Self { world, line, outcome: None, trace: Vec::new() };
+        let mut bench = Self { world, line, outcome: None, trace: Vec::new(), image: None };
         bench.set_up(&["config", "apply", CONFIGURATION])?;
         Ok(bench)
     }
@@ -115,6 +119,10 @@ impl Bench {
                 self.line.borrow_mut().plan(moment, Action::parse(rest)?);
                 Ok(())
             }
+            Some(&"image") => {
+                self.image = Some(ImageFile::new(&self.world, words.get(1).unwrap_or(&""))?);
+                Ok(())
+            }
             Some(&"baud") => {
                 self.line.borrow_mut().wanted_baud = Some(parse(words, 1, "rate")?);
                 Ok(())
@@ -142,7 +150,10 @@ impl Bench {
         // What came before it is not its own.
         self.world.borrow_mut().trace();
         let interrupt = self.line.borrow().interrupt.clone();
-        let outcome = run_on(Box::new(Wire(self.line.clone())), interrupt, arguments);
+        let image = self.image.as_ref().map_or("IMAGE", ImageFile::path);
+        let mut arguments = arguments.to_vec();
+        arguments.iter_mut().filter(|word| **word == "IMAGE").for_each(|word| *word = image);
+        let outcome = run_on(Box::new(Wire(self.line.clone())), interrupt, &arguments);
         self.trace = self.world.borrow_mut().trace();
         let line = self.line.borrow();
         self.outcome = Some((outcome, line.elapsed()));

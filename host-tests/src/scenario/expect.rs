@@ -2,8 +2,9 @@
 
 use super::bench::{Bench, Told};
 use super::requests::subject;
-use super::words::{fields, parse};
+use super::words::{duration, fields, parse};
 use host_protocol::{AxisParameter, AxisState, Event, MotorTimeout, StateField, Trip};
+use std::time::Duration;
 
 impl Bench {
     /// `expect WHAT …`
@@ -34,11 +35,13 @@ impl Bench {
             "move-target" => self.expect_move_target(rest),
             "sample" => self.expect_sample(rest),
             "samples" => self.expect_samples(rest),
+            "sample-ages" => self.expect_sample_ages(rest),
             "event" => self.expect_event(rest),
             "no-event" => self.expect_no_event(rest),
             "bus" => self.expect_bus(rest),
             "setting" => self.expect_setting(rest),
             "name" => self.expect_name(rest),
+            "image" => self.expect_image(rest),
             "bus-runs" => self.expect_bus_runs(rest),
             other => Err(format!("{other} cannot be expected")),
         }
@@ -206,6 +209,31 @@ impl Bench {
             if wanted_fields.contains(*field) { fresh(*age) } else { age.is_none() }
         });
         if fits { Ok(()) } else { Err(format!("the last sample has {ages:?}")) }
+    }
+
+    /// `sample-ages AXIS FIELD MIN MAX`: how old the field is in the oldest sample since the mark.
+    fn expect_sample_ages(&mut self, words: &[&str]) -> Result<(), String> {
+        let wanted: u8 = parse(words, 0, "axis")?;
+        let wanted_fields = fields(words.get(1).copied().unwrap_or_default())?;
+        let field = StateField::ALL.iter().find(|field| wanted_fields.contains(**field));
+        let field = *field.ok_or("of which field?")?;
+        let (min, max) = (duration(words, 2)?, duration(words, 4)?);
+        let ages = self.samples.iter().filter_map(|told| match told.event {
+            Event::Sample { axis, .. } if axis == wanted && told.time_us >= self.mark_us => {
+                Some((told.event.age_us(field)?, told.time_us))
+            }
+            _ => None,
+        });
+        match ages.max() {
+            Some((oldest, _)) if (min..=max).contains(&Duration::from_micros(oldest.into())) => {
+                Ok(())
+            }
+            Some((oldest, told_us)) => {
+                self.focus_us = Some(told_us);
+                Err(format!("the oldest is {oldest} µs, told at {told_us} µs"))
+            }
+            None => Err(format!("no sample of axis {wanted} tells it")),
+        }
     }
 
     /// `event NAME [FIELDS AS PRINTED]`: at any time so far, on the host's link.

@@ -12,6 +12,7 @@ mod expect_stop;
 mod expect_wire;
 mod faults;
 mod hosts;
+pub(crate) mod images;
 mod report;
 mod requests;
 mod steps;

@@ -82,6 +82,9 @@ impl Bench {
                 self.ask(&requests::ReleaseAuthority {})?;
             }
             "reconnect" => self.client.reconnect()?,
+            "begin-image" | "write-image" | "finish-image" | "confirm-image" => {
+                self.image(verb, rest)?;
+            }
             "subscribe" => {
                 let axes = axes(rest)?;
                 let fields = fields(rest.get(1).copied().unwrap_or_default())?;

@@ -55,6 +55,7 @@ impl Bench {
                 Ok(())
             }
             "reset" => self.reset(rest),
+            "images" => self.images(),
             "e-stop-input" => self.e_stop_input(rest),
             "bytes" => self.bytes(rest),
             "flood" => self.flood(rest),

@@ -26,11 +26,16 @@ const POLLS: &str = "polls";
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
 /// as `Arm` does, `Recognise` asks what `Arm` asks, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
 /// send is not typed.
-pub const NOT_TRIED: [&str; 38] = [
+pub const NOT_TRIED: [&str; 43] = [
     "SaveConfiguration",
     "ForgetStored",
     "ReadStored",
     "ReadNames",
+    "ReadImage",
+    "BeginImage",
+    "WriteImage",
+    "FinishImage",
+    "ConfirmImage",
     "SetBaud",
     "BeginChanges",
     "AddChanges",

@@ -36,22 +36,19 @@ pub struct RetainedRam {
     pub loses_last_write: bool,
 }
 
-/// Pages of the flash, to which the firmware writes.
+/// The flash, as far as it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Storage {
-    /// The first address.
-    pub base: u64,
-    /// How many pages.
-    pub pages: usize,
+pub struct Flash {
+    /// Where it is written: from, to.
+    pub written: (u64, u64),
     /// Bytes of a page, which is erased as a whole.
     pub page: usize,
     /// Bytes of a word, which is written as a whole.
     pub word: usize,
-    /// Where the bank begins from which the pages are counted.
-    pub bank: u64,
-    /// The control register.
-    pub control: u64,
-    /// The bit of it that starts an erasure.
+    /// The banks that are written: where each begins, from which its pages are counted, and its
+    /// control register.
+    pub banks: &'static [(u64, u64)],
+    /// The bit of a control register that starts an erasure.
     pub erase: u64,
     /// From where in the control register the page is counted, and its bits.
     pub page_field: (u32, u64),
@@ -59,12 +56,10 @@ pub struct Storage {
     pub times: [Duration; 2],
 }
 
-impl Storage {
-    /// Whether an address is in it.
+impl Flash {
+    /// Whether an address is where it is written.
     pub fn holds(&self, address: u64) -> bool {
-        address
-            .checked_sub(self.base)
-            .is_some_and(|offset| offset < (self.pages * self.page) as u64)
+        (self.written.0..self.written.1).contains(&address)
     }
 }
 
@@ -91,8 +86,8 @@ pub struct Facts {
     rs485_bus: u8,
     /// Where the image has nothing: the end of what it may have.
     pub free_flash: u64,
-    /// The pages of the flash that keep the configuration.
-    pub storage: Storage,
+    /// Its flash.
+    pub flash: Flash,
     /// The chip's names for the serial ports: of host links 0 and 1, and of RS485.
     serial_names: [&'static str; 3],
     /// The e-stop input: closed to ground on a machine that may run, pulled up inside the part.
@@ -116,14 +111,12 @@ static NUCLEO_H743ZI: Facts = Facts {
     host_1_bit_ps: 1_090_000, // 109 cycles of 100 MHz
     can_ports: &[CanPort::Bus0, CanPort::Bus1],
     rs485_bus: 2,
-    free_flash: 0x081B_F000,
-    storage: Storage {
-        base: 0x081C_0000,
-        bank: 0x0810_0000,
-        pages: 2,
+    free_flash: 0x080F_F000,
+    flash: Flash {
+        written: (0x0802_0000, 0x0820_0000),
         page: 128 << 10,
         word: 32,
-        control: 0x5200_210C,
+        banks: &[(0x0800_0000, 0x5200_200C), (0x0810_0000, 0x5200_210C)],
         erase: 1 << 7,
         page_field: (8, 0b111),
         times: [Duration::from_secs(1), Duration::from_micros(100)],
@@ -148,13 +141,11 @@ static NUCLEO_G474RE: Facts = Facts {
     can_ports: &[CanPort::Bus0, CanPort::Bus1, CanPort::Bus2],
     rs485_bus: 3,
     free_flash: 0x0807_B000,
-    storage: Storage {
-        base: 0x0807_C000,
-        bank: 0x0804_0000,
-        pages: 8,
+    flash: Flash {
+        written: (0x0807_C000, 0x0808_0000),
         page: 2 << 10,
         word: 8,
-        control: 0x4002_2014,
+        banks: &[(0x0804_0000, 0x4002_2014)],
         erase: 1 << 16,
         page_field: (3, 0x7F),
         times: [Duration::from_micros(24_470), Duration::from_micros(90)],

@@ -39,6 +39,7 @@ mod commands;
 mod cycle;
 mod error;
 mod hold;
+mod image;
 mod inbox;
 mod interrupt;
 mod kinds;

@@ -262,7 +262,8 @@ impl Session {
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.json(py, |client, _| {
             let (status, stored) = (client.gateway_status()?, client.read_stored()?);
-            Ok(programs::info(client.hello(), &status, &stored))
+            let image = client.image()?;
+            Ok(programs::info(client.hello(), &status, &stored, &image))
         })
     }
 

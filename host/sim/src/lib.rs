@@ -23,6 +23,7 @@
 mod bus;
 mod can;
 pub mod flash;
+pub mod images;
 mod motors;
 mod random;
 mod rs485;

@@ -52,7 +52,7 @@ enum State {
     Refused { error: u16 },
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Saving {
     save: Save,
     ticket: Ticket,
@@ -66,7 +66,12 @@ impl Stored {
 
     /// Whether something is to be stored that nobody has taken yet.
     pub fn is_due(&self) -> bool {
-        self.saving.is_some_and(|saving| !saving.is_taken)
+        self.saving.as_ref().is_some_and(|saving| !saving.is_taken)
+    }
+
+    /// Whether something is being stored.
+    pub fn is_saving(&self) -> bool {
+        self.saving.is_some()
     }
 
     /// The digests of the same rows before and after a change.
@@ -146,7 +151,7 @@ impl Gateway {
     pub fn take_save(&mut self) -> Option<Save> {
         let saving = self.stored.saving.as_mut().filter(|saving| !saving.is_taken)?;
         saving.is_taken = true;
-        Some(saving.save)
+        Some(saving.save.clone())
     }
 
     /// Writes a row of the running configuration, below [`STORED_ROWS`], and returns its bytes: 0
@@ -220,6 +225,20 @@ impl Gateway {
             State::Found(Found::SingleBank) => return Err(Error::SingleBank {}),
             _ => {}
         }
+        self.check_at_rest()?;
+        debug_assert_eq!(self.stored.running, self.digest_of(Set::ALL, Set::ALL, true));
+        let save = if keep { Save::Rows { digest: self.stored.running } } else { Save::Nothing };
+        self.store(save, ticket);
+        Ok(())
+    }
+
+    /// Has something stored; whoever asked for it is answered when it is.
+    pub(crate) fn store(&mut self, save: Save, ticket: Ticket) {
+        self.stored.saving = Some(Saving { save, ticket, is_taken: false });
+    }
+
+    /// The flash may hold the processor up: nothing is written while anything may move.
+    pub(crate) fn check_at_rest(&self) -> Result<()> {
         for axis in self.axes.iter().filter(|axis| axis.is_configured()) {
             if axis.is_busy() {
                 return Err(Error::Busy { axis: axis.index });
@@ -231,9 +250,6 @@ impl Gateway {
         if let Some(bus) = self.buses.iter().find(|bus| bus.raw.is_some()) {
             return Err(Error::RawOpen { bus: bus.index() });
         }
-        debug_assert_eq!(self.stored.running, self.digest_of(Set::ALL, Set::ALL, true));
-        let save = if keep { Save::Rows { digest: self.stored.running } } else { Save::Nothing };
-        self.stored.saving = Some(Saving { save, ticket, is_taken: false });
         Ok(())
     }
 
@@ -255,28 +271,43 @@ impl Gateway {
                 | Request::Arm(_)
                 | Request::ArmTogether(_)
                 | Request::RawOpen(_)
+                | Request::BeginImage(_)
+                | Request::WriteImage(_)
+                | Request::FinishImage(_)
+                | Request::ConfirmImage(_)
         );
         if waits && self.stored.saving.is_some() { Err(Error::Saving {}) } else { Ok(()) }
     }
 
     /// What was to be stored is, or could not be.
     pub(crate) fn saved(&mut self, now: Instant, result: Result<(), SaveError>) {
-        let Some(Saving { save, ticket, is_taken: true }) = self.stored.saving else { return };
-        self.stored.saving = None;
-        let done = replies::Done {};
-        let (reply, found) = match save {
-            Save::Rows { digest } => (Reply::SaveConfiguration(done), Found::Rows { digest }),
-            Save::Nothing => (Reply::ForgetStored(done), Found::Nothing),
+        let Some(Saving { save, ticket, .. }) =
+            self.stored.saving.take_if(|saving| saving.is_taken)
+        else {
+            return;
         };
-        let result = match result {
+        let done = replies::Done {};
+        let answer = match save {
+            Save::Rows { digest } => self
+                .configuration_stored(Found::Rows { digest }, result)
+                .map(|()| Reply::SaveConfiguration(done)),
+            Save::Nothing => self
+                .configuration_stored(Found::Nothing, result)
+                .map(|()| Reply::ForgetStored(done)),
+            Save::Image(job) => self.image_stored(now, &job, result),
+        };
+        self.outbox(now).answer(ticket, answer.as_ref().map_err(|error| *error));
+    }
+
+    fn configuration_stored(&mut self, found: Found, result: Result<(), SaveError>) -> Result<()> {
+        match result {
             Ok(()) => {
                 self.stored.state = State::Found(found);
-                Ok(&reply)
+                Ok(())
             }
             Err(SaveError::Full) => Err(Error::StorageFull {}),
-            Err(SaveError::Failed) => Err(Error::SaveFailed {}),
-        };
-        self.outbox(now).answer(ticket, result);
+            Err(_) => Err(Error::SaveFailed {}),
+        }
     }
 
     pub(crate) fn stored_report(&self) -> replies::StoredReport {

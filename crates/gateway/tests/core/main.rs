@@ -27,6 +27,7 @@ mod fairness;
 mod foreign_load;
 mod ghosts;
 mod holding;
+mod image;
 mod impedance;
 mod limits;
 mod log;

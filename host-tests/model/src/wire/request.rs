@@ -250,6 +250,21 @@ impl Request {
                 b.byte()?;
                 Self::Takes
             }
+            0x0081 => {
+                std::str::from_utf8(b.bytes(24)?).ok()?;
+                let _version = (b.u16()?, b.u16()?, b.u16()?);
+                let _bytes = (b.u32()?, b.u32()?, b.bool()?);
+                Self::Takes
+            }
+            0x0082 => {
+                let _bytes = (b.u32()?, b.bytes(128)?);
+                Self::Takes
+            }
+            0x0083 => {
+                b.bytes(64)?;
+                Self::Takes
+            }
+            0x0084 | 0x0085 => Self::Takes,
             0x0012 => Self::BusStatus(b.byte()?),
             0x0060 => Self::ReadIncidents(b.byte()?),
             0x0053 => Self::RawClose(b.byte()?),

@@ -187,11 +187,11 @@ impl Chip {
     }
 
     /// Whether the processor stands still because its flash is busy: that of the STM32H743 runs from
-    /// a bank that nobody writes.
+    /// the first bank, and does not wait for the second.
     #[must_use]
     pub fn waits_for_flash(&self) -> bool {
         match self {
-            Self::H743(_) => false,
+            Self::H743(part) => part.first_bank_is_busy(),
             Self::G474(part) => part.flash.is_busy(),
         }
     }

@@ -373,6 +373,17 @@ impl Stm32g474 {
         self.clocks.lose_crystal(registers, &mut context)
     }
 
+    /// The flash is one bank: option DBANK = 0.
+    pub fn set_single_bank(&mut self) {
+        self.flash.set_single_bank();
+        self.load_options(VirtualNanos(0));
+    }
+
+    fn load_options(&mut self, at: VirtualNanos) {
+        let slot = self.bus.slot(flash::NAME).expect("it is there");
+        self.flash.load_options(self.bus.drive(at, slot).0);
+    }
+
     /// Cuts the supply at an instant, or gives it back.
     pub(crate) fn supply(&mut self, at: VirtualNanos, on: bool) {
         let slot = self.bus.slot(clocks::NAME).expect("it is there");
@@ -386,6 +397,7 @@ impl Stm32g474 {
         let slot = self.bus.slot(crs::NAME).expect("it is there");
         let (registers, mut context) = self.bus.drive(at, slot);
         self.crs.restarted(registers, &mut context);
+        self.load_options(at);
     }
 
     /// Calls a port of pins with its registers and an instant to act at.

@@ -6,6 +6,7 @@ use rigless::mcu::Mcu;
 use rigless::snapshot::store;
 use rigless::soc::stm32h743;
 use rigless::soc::stm32h743::generated::dbgmcu::Register as DebugRegister;
+use rigless::soc::stm32h743::generated::flash::{Register as FlashRegister, sr1};
 use rigless::soc::stm32h743::generated::rcc::{Register as ClockRegister, cifr, cr};
 use rigless::soc::stm32h743::peripherals::gpio::{Gpio, PORTS};
 use rigless::soc::{Bus, Error};
@@ -33,6 +34,8 @@ const DEBUG_NAME: &str = "DBGMCU";
 const INTERCONNECT_NAME: &str = "AXI";
 /// The watchdog's name on the bus.
 const IWDG_NAME: &str = "IWDG";
+/// The flash interface's name on the bus.
+const FLASH_NAME: &str = "Flash";
 /// The clock controller's name on the bus.
 const CLOCKS_NAME: &str = "RCC";
 /// The flags of RCC_RSR after power-on (RM0433 §8.7.39).
@@ -79,6 +82,7 @@ struct Slots {
     serial: [usize; SERIAL_NAMES.len()],
     iwdg: usize,
     clocks: usize,
+    flash: usize,
     crs: usize,
     interconnect: usize,
     debug: usize,
@@ -108,6 +112,7 @@ impl Stm32h743 {
             serial,
             iwdg: bus.slot(IWDG_NAME)?,
             clocks: bus.slot(CLOCKS_NAME)?,
+            flash: bus.slot(FLASH_NAME)?,
             crs: bus.slot(crs::NAME)?,
             interconnect: bus.slot(INTERCONNECT_NAME)?,
             debug: bus.slot(DEBUG_NAME)?,
@@ -161,6 +166,15 @@ impl Stm32h743 {
         let noticed = cifr::HSECSSF.is_set(registers.get(ClockRegister::Cifr));
         self.stm32.rcc = clocks;
         noticed
+    }
+
+    /// Whether the first bank of the flash erases or programs. The processor then stands still as
+    /// soon as it reads from there, an instruction or a constant: here at once and until the end, as
+    /// what runs lies there.
+    #[must_use]
+    pub fn first_bank_is_busy(&self) -> bool {
+        let status = self.stm32.bus().slots()[self.slots.flash].registers().get(FlashRegister::Sr1);
+        sr1::QW1.is_set(status) || sr1::BSY1.is_set(status)
     }
 
     fn identify(&mut self) {

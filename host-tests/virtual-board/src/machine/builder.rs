@@ -123,6 +123,12 @@ impl Builder {
         self
     }
 
+    /// An STM32G474 whose flash is one bank: option DBANK = 0.
+    pub fn single_bank(mut self) -> Self {
+        self.part.g474_mut().set_single_bank();
+        self
+    }
+
     /// Nothing is on the HSE input: no ST-LINK that clocks the chip, no crystal that swings.
     pub fn without_hse(mut self) -> Self {
         self.part.attach_hse(VirtualNanos(0), 0);

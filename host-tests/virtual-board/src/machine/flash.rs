@@ -36,18 +36,21 @@ impl FlashLog {
     /// An access of the core.
     pub(super) fn access(&mut self, access: &Access) {
         let AccessKind::Write = access.kind else { return };
-        let storage = self.board.storage;
+        let flash = self.board.flash;
         let at = since_start(access.virtual_time);
-        if access.address == storage.control && access.value & storage.erase != 0 {
-            let (shift, bits) = storage.page_field;
-            let page = access.value >> shift & bits;
-            let address = storage.bank + page * storage.page as u64;
-            self.operations.push(FlashOperation { at, address, word: None });
-        } else if storage.holds(access.address) {
+        let bank = flash.banks.iter().find(|(_, control)| *control == access.address);
+        if let Some((bank, _)) = bank {
+            if access.value & flash.erase != 0 {
+                let (shift, bits) = flash.page_field;
+                let page = access.value >> shift & bits;
+                let address = bank + page * flash.page as u64;
+                self.operations.push(FlashOperation { at, address, word: None });
+            }
+        } else if flash.holds(access.address) {
             let bytes = access.value.to_le_bytes();
             let bytes = &bytes[..access.width.bytes() as usize];
             match self.operations.last_mut() {
-                Some(FlashOperation { word: Some(word), .. }) if word.len() < storage.word => {
+                Some(FlashOperation { word: Some(word), .. }) if word.len() < flash.word => {
                     word.extend(bytes);
                 }
                 _ => self.operations.push(FlashOperation {
@@ -104,8 +107,11 @@ impl Machine {
             if done >= count || self.now() >= end {
                 return done >= count;
             }
-            // Less than half of what a word takes.
-            self.run_for(Duration::from_micros(if erases && done + 1 < count { 200 } else { 20 }));
+            // Less than half of what a word takes; of many, less than all but the last.
+            let before = u32::try_from(count - done - 1).unwrap_or(u32::MAX);
+            let least = Duration::from_micros(if erases && before > 0 { 200 } else { 20 });
+            let all_but_one = self.board().flash.times[1] * before.saturating_sub(1) * 3 / 4;
+            self.run_for(all_but_one.max(least).min(end - self.now()));
         }
     }
 
@@ -114,8 +120,8 @@ impl Machine {
     /// Panics if that is over.
     pub fn cut_power_in_flash_operation(&mut self, seed: u64) {
         let operation = self.flash_operations().pop().expect("the flash was told something");
-        let storage = self.board().storage;
-        let half = storage.times[usize::from(operation.word.is_some())] / 2;
+        let flash = self.board().flash;
+        let half = flash.times[usize::from(operation.word.is_some())] / 2;
         let left = (operation.at + half).saturating_sub(self.now());
         self.run_for(left);
         assert!(self.now() < operation.at + 2 * half, "the operation is over");
@@ -123,7 +129,7 @@ impl Machine {
         self.part_mut().supply(at, false);
         self.run_for(Duration::from_millis(100));
         self.core.order(move |_, host, _, recorder| {
-            operation.tear(storage.page, storage.word, seed, host);
+            operation.tear(flash.page, flash.word, seed, host);
             recorder.power_up(host);
         });
         let at = instant(self.now());

@@ -29,4 +29,5 @@ mod storage;
 #[path = "../../../../host/cli/tests/program/typed.rs"]
 mod typed;
 mod unmodelled;
+mod update;
 mod wire;

@@ -171,7 +171,7 @@ fn a_loss_of_power_at_each_step_of_a_save_leaves_the_old_or_the_new() {
     let words = operations.iter().filter(|operation| operation.word.is_some()).count();
     let (erasures, count) = (operations.len() - words, operations.len());
     // 21 bytes in whole words.
-    let head_words = 21_usize.div_ceil(Board::chosen().storage.word);
+    let head_words = 21_usize.div_ceil(Board::chosen().flash.word);
     let second_head = count - head_words;
     let first_head = second_head - head_words;
     // The first and the last erasure, rows, each head.

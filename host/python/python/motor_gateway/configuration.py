@@ -128,7 +128,8 @@ class Axis:
     #: Up to this speed the motor counts as standing; at least one unit of its reading: 1 °/s of an
     #: RMD and a D5, 1 rpm of a thruster. [rad/s] 0.0 to 10.0. Default 0.105.
     standstill_rad_s: Optional[float] = None
-    #: How often the state of the motor is read. [µs] 5000 to 1000000. Default 50000.
+    #: How often the position of the motor is read, and one other value beside it. [µs] 5000 to
+    #: 1000000. Default 50000.
     state_poll_us: Optional[int] = None
     #: How often a confirmed stop is repeated while the axis is tripped. [µs] 100000 to 5000000.
     #: Default 500000.

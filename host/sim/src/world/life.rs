@@ -3,12 +3,13 @@
 
 use std::time::Duration;
 
-use gateway::{Board, Event, Gateway, Instant, RETAINED_WORDS, Save, Set};
+use gateway::{Board, Event, Gateway, Images, Instant, RETAINED_WORDS, Save, Set};
 use host_protocol::BootReason;
 
 use super::trace::micros;
 use super::{HostLink, World};
 use crate::flash::{Storage, at_once};
+use crate::images::ImageSlots;
 
 /// The host links are opened when the stops after a start have left, or after this time.
 const LINKS_OPEN_AFTER: Duration = Duration::from_millis(100);
@@ -29,6 +30,9 @@ pub(super) struct Life {
     links_are_open: bool,
     e_stop_input_open: bool,
     storage: Option<Storage>,
+    images: Option<ImageSlots>,
+    /// The gateway is to start anew.
+    restarts: bool,
 }
 
 impl Life {
@@ -44,6 +48,8 @@ impl Life {
             links_are_open,
             e_stop_input_open,
             storage: None,
+            images: None,
+            restarts: false,
         }
     }
 
@@ -87,11 +93,20 @@ impl World {
         let now = self.now;
         self.ports.iter_mut().for_each(|port| port.reset(now));
         self.links.iter_mut().for_each(HostLink::reset);
+        let images = self.life.images.as_mut().map(ImageSlots::start);
         // A core keeps its board for ever; one more is what a start of this simulation costs.
-        let board = Box::leak(Box::new(Board { boot, crash_report, ..*self.life.board }));
+        let firmware = match images {
+            Some(Images { version, .. }) => String::leak(version.to_string()),
+            None => self.life.board.firmware,
+        };
+        let board = Board { boot, crash_report, firmware, ..*self.life.board };
+        let board = Box::leak(Box::new(board));
         *self.gateway = Gateway::new(board, self.life.take_random_number());
         (self.life.started, self.life.hangs, self.life.links_are_open) = (now, false, false);
         self.not_before = now;
+        if let Some(images) = images {
+            self.gateway.set_images(self.gateway_now(), images);
+        }
         self.start_gateway();
     }
 
@@ -107,6 +122,19 @@ impl World {
         self.life.storage = Some(storage);
         self.life.words.clear();
         self.reset(BootReason::Simulated, "");
+    }
+
+    /// Gives the board room for images of its firmware, and starts it anew as after a loss of
+    /// power.
+    pub fn set_images(&mut self, images: ImageSlots) {
+        self.life.images = Some(images);
+        self.life.words.clear();
+        self.reset(BootReason::Simulated, "");
+    }
+
+    /// The images of the board.
+    pub fn images(&self) -> Option<&ImageSlots> {
+        self.life.images.as_ref()
     }
 
     /// The storage of the board.
@@ -129,16 +157,24 @@ impl World {
         });
     }
 
+    /// Starts the gateway anew where it wants that.
+    pub(super) fn restart(&mut self) {
+        if std::mem::take(&mut self.life.restarts) {
+            self.reset(BootReason::Software, "");
+        }
+    }
+
     /// Stores what the gateway wants stored.
     pub(super) fn save(&mut self) {
         let Some(save) = self.gateway.take_save() else { return };
-        let Some(storage) = &mut self.life.storage else { return };
-        let gateway = &self.gateway;
-        let result = match save {
-            Save::Rows { digest } => {
+        let Self { life, gateway, .. } = self;
+        let result = match (save, &mut life.storage, &mut life.images) {
+            (Save::Rows { digest }, Some(storage), _) => {
                 at_once(storage.save(digest, &mut |row, out| gateway.stored_row(row, out)))
             }
-            Save::Nothing => at_once(storage.forget()),
+            (Save::Nothing, Some(storage), _) => at_once(storage.forget()),
+            (Save::Image(job), _, Some(images)) => images.store(&job),
+            _ => return,
         };
         self.tell(Event::Saved { result });
     }
@@ -178,6 +214,7 @@ impl World {
         let now = self.gateway_now();
         let changes = self.gateway.handle(now, event, &mut self.life.store());
         self.named = self.named.with(changes.buses);
+        self.life.restarts = changes.restart;
     }
 
     /// Whether the gateway listens to its hosts.

@@ -287,6 +287,7 @@ impl World {
         self.handle(event);
         self.poll_gateway();
         self.save();
+        self.restart();
     }
 
     fn poll_gateway(&mut self) {

@@ -1,5 +1,7 @@
 //! A gateway that hangs, is reset and remembers.
 
+mod images;
+
 use std::time::Duration;
 
 use crate::four_motors::Rig;

@@ -63,6 +63,7 @@ impl Gateway {
         if needs_authority(request) {
             self.authority.take(now, ticket)?;
         }
+        self.refuse_for_image(request)?;
         self.refuse_while_saving(request)?;
         let done = replies::Done {};
         let reply = match request {
@@ -209,6 +210,14 @@ impl Gateway {
                 self.remember_trips();
                 Reply::ReadIncidents(self.history.page(request.first))
             }
+            Request::ReadImage(_) => Reply::ReadImage(self.image_report(now)),
+            Request::BeginImage(request) => {
+                self.begin_image(request)?;
+                Reply::BeginImage(done)
+            }
+            Request::WriteImage(request) => return self.write_image(request, ticket),
+            Request::FinishImage(request) => return self.finish_image(request, ticket),
+            Request::ConfirmImage(_) => return self.confirm_image(ticket),
             Request::ReadCrashReport(_) => {
                 Reply::ReadCrashReport(replies::CrashReport { text: text(self.board.crash_report) })
             }
@@ -585,7 +594,11 @@ fn needs_authority(request: &Request) -> bool {
         | Request::RawOpenAt(_)
         | Request::RawSend(_)
         | Request::RawReceive(_)
-        | Request::RawClose(_) => true,
+        | Request::RawClose(_)
+        | Request::BeginImage(_)
+        | Request::WriteImage(_)
+        | Request::FinishImage(_)
+        | Request::ConfirmImage(_) => true,
         Request::Hello(_)
         | Request::Ping(_)
         | Request::ReleaseAuthority(_)
@@ -594,6 +607,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::GatewayStatus(_)
         | Request::ReadStored(_)
         | Request::ReadNames(_)
+        | Request::ReadImage(_)
         | Request::ReadGatewayParameter(_)
         | Request::ReadAxisParameter(_)
         | Request::ReadAxisSettings(_)

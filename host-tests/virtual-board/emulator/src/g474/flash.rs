@@ -13,7 +13,7 @@
 //! | two words into the flash with PG | program a double word that is erased, or zeros |
 //! | a store without PG | PGSERR; of another width SIZERR; out of order PGAERR |
 //! | a double word that is not erased, but for zeros | PROGERR |
-//! | the first bank | neither erased nor programmed: WRPERR, and told |
+//! | the first bank, or the only one | neither erased nor programmed: WRPERR, and told |
 //! | reads of a bank that is busy | [`Flash::is_busy`]: the processor stands still, see there |
 //!
 //! Not modelled: the error-correcting code, which the array's reads never reach; interrupts; mass
@@ -87,10 +87,12 @@ pub struct Flash {
     end: Option<EventId>,
     /// Pieces that the memory has still to take.
     pieces: u64,
+    /// The option DBANK is 0.
+    is_single_bank: bool,
 }
 
 store!(Flash {
-    values: [control, status, keys, is_barred, first, operation, end, pieces],
+    values: [control, status, keys, is_barred, first, operation, end, pieces, is_single_bank],
     parts: [],
     built: [table]
 });
@@ -107,6 +109,7 @@ impl Default for Flash {
             operation: None,
             end: None,
             pieces: 0,
+            is_single_bank: false,
         }
     }
 }
@@ -118,6 +121,23 @@ impl Flash {
     #[must_use]
     pub const fn is_busy(&self) -> bool {
         self.operation.is_some()
+    }
+
+    /// The option DBANK is 0 from now on.
+    pub(super) fn set_single_bank(&mut self) {
+        self.is_single_bank = true;
+    }
+
+    /// The options hold what they hold, whatever is reset.
+    pub(super) fn load_options(&self, registers: &mut RegisterFile) {
+        if self.is_single_bank {
+            let options = self.row("OPTR");
+            registers.set(options, registers.get(options) & !DBANK);
+        }
+    }
+
+    fn has_two_banks(&self, registers: &RegisterFile) -> bool {
+        registers.get(self.row("OPTR")) & DBANK != 0
     }
 
     fn row(&self, register: &str) -> Row {
@@ -145,7 +165,12 @@ impl Flash {
         }
     }
 
-    fn write_control(&mut self, written: u64, context: &mut DeviceContext<'_>) {
+    fn write_control(
+        &mut self,
+        written: u64,
+        registers: &RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         if self.control & LOCK != 0 {
             return;
         }
@@ -154,7 +179,7 @@ impl Flash {
             self.first = None;
         }
         if written & STRT != 0 && written & PER != 0 && !self.is_busy() {
-            if written & BKER == 0 {
+            if written & BKER == 0 || !self.has_two_banks(registers) {
                 self.refuse(WRPERR);
                 context.tell("CR", FIRST_BANK);
                 return;
@@ -209,7 +234,7 @@ impl Device for Flash {
         if register == self.row("KEYR") {
             self.write_key(written, context);
         } else if register == self.row("CR") {
-            self.write_control(written, context);
+            self.write_control(written, registers, context);
         } else if register == self.row("SR") {
             self.status &= !written;
         } else {
@@ -226,7 +251,7 @@ impl Device for Flash {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) -> bool {
-        let has_two_banks = registers.get(self.row("OPTR")) & DBANK != 0;
+        let has_two_banks = self.has_two_banks(registers);
         match self.first {
             _ if self.control & PG == 0 || self.control & LOCK != 0 || self.status != 0 => {
                 self.refuse(PGSERR);
@@ -288,6 +313,11 @@ impl Device for Flash {
     }
 
     fn reset(&mut self) {
-        *self = Self::default();
+        *self = Self { is_single_bank: self.is_single_bank, ..Self::default() };
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, _: &mut DeviceContext<'_>) {
+        self.reset();
+        self.load_options(registers);
     }
 }

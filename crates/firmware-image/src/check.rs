@@ -1,0 +1,78 @@
+//! Whether an image is whole, for its board, and signed.
+
+use salty::{PublicKey, Sha512, Signature};
+
+use crate::header::{HEADER_OFFSET, HEADER_SIZE, Header, KEY_SIZE, NO_KEY};
+use crate::{CHECKSUM, FirmwareVersion};
+
+/// Why an image is not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wrong {
+    /// It is not what was announced: its checksum, its board or its version differ.
+    Damaged,
+    /// The running one takes only images that are signed with its key, and this one is not.
+    NotSigned,
+}
+
+/// Looks at an image as it is read, from its first byte on.
+pub struct Check {
+    length: usize,
+    header: [u8; HEADER_SIZE],
+    checksum: crc::Digest<'static, u32, crc::NoTable>,
+    key: [u8; KEY_SIZE],
+    hash: Sha512,
+}
+
+impl Check {
+    /// `key`: that of the running image; [`NO_KEY`] where it has none.
+    #[must_use]
+    pub fn new(key: [u8; KEY_SIZE]) -> Self {
+        static ALGORITHM: crc::Crc<u32, crc::NoTable> = CHECKSUM;
+        Self {
+            length: 0,
+            header: [0; HEADER_SIZE],
+            checksum: ALGORITHM.digest(),
+            key,
+            hash: Sha512::new(),
+        }
+    }
+
+    /// The next bytes of the image.
+    pub fn update(&mut self, bytes: &[u8]) {
+        self.checksum.update(bytes);
+        if self.key != NO_KEY {
+            self.hash.update(bytes);
+        }
+        for (at, byte) in (self.length..).zip(bytes) {
+            let place = at.checked_sub(HEADER_OFFSET).and_then(|at| self.header.get_mut(at));
+            place.into_iter().for_each(|place| *place = *byte);
+        }
+        self.length = self.length.saturating_add(bytes.len());
+    }
+
+    /// Whether the image is the one that was announced, and signed where it must be. `signature`: 64
+    /// bytes, or none.
+    ///
+    /// # Errors
+    /// Why it is not taken.
+    pub fn finish(
+        self,
+        board: &str,
+        version: FirmwareVersion,
+        checksum: u32,
+        signature: &[u8],
+    ) -> Result<(), Wrong> {
+        let header = Header::read(&self.header).map_err(|_| Wrong::Damaged)?;
+        let is_announced = header.version == version && header.board() == board;
+        if self.checksum.finalize() != checksum || !is_announced {
+            return Err(Wrong::Damaged);
+        }
+        if self.key == NO_KEY {
+            return Ok(());
+        }
+        let digest = self.hash.finalize();
+        let signature: &[u8; 64] = signature.try_into().map_err(|_| Wrong::NotSigned)?;
+        let key = PublicKey::try_from(&self.key).map_err(|_| Wrong::NotSigned)?;
+        key.verify(&digest, &Signature::from(signature)).map_err(|_| Wrong::NotSigned)
+    }
+}
