@@ -8,6 +8,7 @@ use mgw_client::{ClientError, ConnectError};
 use serde_json::{Value, json};
 
 use crate::config::Finding;
+use crate::explain::Page;
 use crate::faults::Protocols;
 use crate::json;
 use crate::output::number;
@@ -27,6 +28,8 @@ pub enum Failure {
     Client(ClientError),
     /// What the gateway would refuse, or does, in words of its own.
     Explained { error: Error, text: String },
+    /// No port was named, and none was found.
+    NoGateway { text: String },
     /// A port that is there cannot be used.
     Port { name: &'static str, text: String },
     /// What was typed, or stands in a file, makes no sense.
@@ -47,6 +50,8 @@ pub enum Failure {
     DoesNotHold { text: String },
     /// A measurement could not go on.
     NotMeasured { text: String },
+    /// Another firmware does not run.
+    Update { name: &'static str, text: String },
     /// A setting of a motor was not changed, or the motor does not show that it was.
     Motor { name: &'static str, text: String },
     /// A file could not be read.
@@ -84,7 +89,7 @@ impl Failure {
             Self::Explained { error, .. } => error.name(),
             Self::Client(error) | Self::Lost { cause: error, .. } => client_name(error),
             Self::Port { name, .. } => name,
-            Self::Usage(_) => "Usage",
+            Self::Usage(_) | Self::NoGateway { .. } => "Usage",
             Self::Configuration { findings, .. } => match findings.as_slice() {
                 [one] => one.name,
                 _ => "Configuration",
@@ -93,7 +98,7 @@ impl Failure {
             Self::Refused { name, .. } => name,
             Self::DoesNotHold { .. } => "DoesNotHold",
             Self::NotMeasured { .. } => "NotMeasured",
-            Self::Motor { name, .. } => name,
+            Self::Update { name, .. } | Self::Motor { name, .. } => name,
             Self::File { .. } => "File",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
@@ -159,13 +164,16 @@ impl Failure {
             _ => Value::Null,
         };
         json::extend(&mut error, more);
+        if let Some(page) = Page::of_failure(self) {
+            error["explain"] = json!(page.code());
+        }
         json!({ "error": error })
     }
 
     /// The exit code of the program.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Usage(_) => WRONG_USAGE,
+            Self::Usage(_) | Self::NoGateway { .. } => WRONG_USAGE,
             Self::Configuration { findings, .. }
                 if findings.iter().all(|finding| finding.name == "Usage") =>
             {
@@ -186,7 +194,7 @@ impl Failure {
     pub fn is_from_gateway(&self) -> bool {
         match self {
             Self::Client(error) => matches!(error, ClientError::Gateway(_)),
-            Self::Lost { .. } | Self::Port { .. } => false,
+            Self::Lost { .. } | Self::Port { .. } | Self::NoGateway { .. } => false,
             _ => true,
         }
     }
@@ -292,9 +300,11 @@ impl fmt::Display for Failure {
             | Self::Demonstration(text)
             | Self::DoesNotHold { text }
             | Self::NotMeasured { text }
+            | Self::Update { text, .. }
             | Self::Motor { text, .. }
             | Self::Explained { text, .. }
             | Self::Port { text, .. }
+            | Self::NoGateway { text }
             | Self::Refused { message: text, .. } => f.write_str(text),
             Self::Configuration { path, findings } => {
                 for (index, finding) in findings.iter().enumerate() {

@@ -12,11 +12,14 @@ mod decode;
 mod demo;
 mod dialects;
 mod encode;
+mod explain;
 mod failure;
 mod faults;
 mod find;
 mod four_motors;
 mod frames;
+mod image;
+mod image_file;
 mod interrupt;
 mod json;
 mod keys;
@@ -29,6 +32,7 @@ mod parameters;
 mod plan;
 mod printable;
 pub mod programs;
+mod record;
 mod scan;
 mod serve;
 mod server;
@@ -168,6 +172,10 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(Command::Plan(arguments)) => plan::run(arguments, out),
+        Some(Command::Image(arguments)) => image::run(arguments, out),
+        Some(Command::Explain { code }) => explain::run(code.as_deref(), out),
+        Some(Command::Play(arguments)) => record::play(arguments, out),
+        Some(Command::Plot(arguments)) => record::plot(arguments, out),
         Some(Command::Completion { shell }) => manual::completion(*shell),
         Some(Command::Man { command, dir }) => manual::pages(command.as_deref(), dir.as_deref()),
         Some(Command::Config { action })
@@ -194,7 +202,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
 
 fn tell(failure: &Failure, json: bool) {
     use std::io::Write;
-    let text = if json { failure.to_json().to_string() } else { format!("{failure}.") };
+    let text = if json { failure.to_json().to_string() } else { explain::with_page(failure) };
     let mut before = if json { String::new() } else { format!("{} ", terminal::failed()) };
     // Some failures take several lines.
     for line in text.lines() {

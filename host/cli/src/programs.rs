@@ -4,7 +4,9 @@
 use std::time::Duration;
 
 use clap::ValueEnum;
-use host_protocol::replies::{AxisReport, BusReport, GatewayReport, HelloReply, StoredReport};
+use host_protocol::replies::{
+    AxisReport, BusReport, GatewayReport, HelloReply, ImageReport, StoredReport,
+};
 use host_protocol::{
     AxisSummary, Bytes, CycleResult, Error, EventMessage, Incident, MAX_CAN_DATA, Quantity,
     SlowState, parameters,
@@ -49,6 +51,7 @@ impl From<Failure> for Problem {
                 if let Some(fields) = fields.as_object_mut() {
                     fields.remove("name");
                     fields.remove("message");
+                    fields.remove("explain");
                 }
                 fields
             }
@@ -122,8 +125,13 @@ impl Motors {
 }
 
 /// What a gateway is, and how.
-pub fn info(hello: &HelloReply, status: &GatewayReport, stored: &StoredReport) -> Value {
-    json::gateway::info(hello, status, stored)
+pub fn info(
+    hello: &HelloReply,
+    status: &GatewayReport,
+    stored: &StoredReport,
+    image: &ImageReport,
+) -> Value {
+    json::gateway::info(hello, status, stored, image)
 }
 
 /// How a bus is.
@@ -153,7 +161,7 @@ pub fn incident(incident: &Incident, motors: &Motors) -> Value {
 
 /// What became of a setpoint in a cycle; one that was refused: the name of the error.
 pub fn result(result: CycleResult) -> String {
-    commands::cycle_result(result)
+    json::cycle::result(result)
 }
 
 /// What a free-running cycle tells of one axis in turns.

@@ -9,6 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use host_protocol::{AxisParameter, CanId, StoredState, Value};
+use mgw_sim::{BOARD, images::ImageSlots};
 use serde_json::json;
 
 use crate::args::FactoryMotor;
@@ -43,6 +44,7 @@ pub fn run(
         Failure::Usage(format!("{path} cannot be the storage: {source}"))
     })?;
     world.borrow_mut().set_storage(stored);
+    world.borrow_mut().set_images(ImageSlots::new(&BOARD));
     let is_stored = {
         let state = four_motors::connect(&world)?.read_stored()?.state;
         !matches!(state, StoredState::Nothing)

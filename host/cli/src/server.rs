@@ -2,14 +2,27 @@
 
 use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::Duration;
 
+use mgw_client::Interrupt;
 use mgw_client::{check_name, open_halves, server_socket};
-use mgw_serve::Listener;
+use mgw_serve::{Listener, Tap};
 use serde_json::json;
 
+use crate::args::FileArgs;
+use crate::explain::with_page;
 use crate::failure::Failure;
 use crate::find;
+use crate::interrupt;
 use crate::output::Output;
+use crate::record::{Recording, What};
+
+/// Between two looks at whether a signal has come.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// The end of a recording is awaited for so long.
+const END_WITHIN: Duration = Duration::from_secs(2);
 
 /// What `mgw serve` is told.
 #[derive(Debug, clap::Args)]
@@ -23,11 +36,17 @@ pub struct ServeArgs {
     /// What programs on TCP must show, in their MGW_TOKEN; needed to listen beyond this computer
     #[arg(long, env = "MGW_TOKEN", hide_env_values = true, value_name = "TEXT")]
     pub token: Option<String>,
+    /// Record every frame of the cable into this MCAP file: what each program asks, what it is
+    /// answered, and what the gateway tells
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    #[command(flatten)]
+    pub written: FileArgs,
 }
 
 /// Serves until the process is ended.
 pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(), Failure> {
-    let ServeArgs { listen, socket, token } = arguments;
+    let ServeArgs { listen, socket, token, record, written } = arguments;
     let token = token.clone().filter(|token| !token.is_empty());
     if !listen.ip().is_loopback() && token.is_none() {
         return Err(Failure::Usage(format!(
@@ -39,6 +58,10 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
     if let Some(port) = port {
         check_name(port)?;
     }
+    let tap = match record {
+        Some(path) => Some(tap(Recording::start(written.place(path.clone()), out.motors)?, out)),
+        None => None,
+    };
     let failed = |source| Failure::Server { address: listen.to_string(), source };
     let listener = TcpListener::bind(listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
@@ -57,16 +80,55 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
 
     let named = port.map(str::to_owned);
     let open = move || {
-        let port = find::cable_port(named.as_deref()).map_err(|failure| failure.to_string())?;
-        open_halves(&port).map_err(|error| find::explain(error).to_string())
+        let port = find::cable_port(named.as_deref()).map_err(|failure| with_page(&failure))?;
+        open_halves(&port).map_err(|error| with_page(&find::explain(error)))
     };
     let mut print_failure = None;
-    mgw_serve::serve(listeners, open, |line| {
-        // A log that nobody reads is no reason to stop serving.
-        print_failure = out.event("log", line, json!({ "message": line })).err();
-    })
+    mgw_serve::serve(
+        listeners,
+        open,
+        |line| {
+            // A log that nobody reads is no reason to stop serving.
+            print_failure = out.event("log", line, json!({ "message": line })).err();
+        },
+        tap,
+    )
     .map_err(failed)?;
     print_failure.map_or(Ok(()), Err)
+}
+
+/// The way into a recording, which ends with the process: a signal ends both, the recording first.
+fn tap(recording: Recording, out: Output) -> Tap {
+    let tap = recording.tap();
+    let interrupt = interrupt::note();
+    thread::spawn(move || await_end(recording, &interrupt, out));
+    Box::new(move |seen| tap.put(What::Seen(seen)))
+}
+
+fn await_end(recording: Recording, interrupt: &Interrupt, out: Output) {
+    while !interrupt.is_raised() && !recording.has_failed() {
+        thread::sleep(LOOK_EVERY);
+    }
+    // A disk that hangs holds up no end.
+    let (sender, ended) = channel();
+    thread::spawn(move || sender.send(recording.finish()));
+    let ended =
+        if interrupt.is_raised() { ended.recv_timeout(END_WITHIN).ok() } else { ended.recv().ok() };
+    let told = match ended {
+        Some(Ok(summary)) => out.event("recording_ended", summary.text(), summary.fields()),
+        Some(Err(failure)) => tell(out, &format!("the recording has ended: {failure}")),
+        None => tell(out, "the recording is cut off: the disk did not take its end in time"),
+    };
+    // A log that nobody reads is no reason to stop serving.
+    drop(told);
+    while !interrupt.is_raised() {
+        thread::sleep(LOOK_EVERY);
+    }
+    std::process::exit(0);
+}
+
+fn tell(out: Output, line: &str) -> Result<(), Failure> {
+    out.event("log", line, json!({ "message": line }))
 }
 
 #[cfg(unix)]

@@ -3,6 +3,7 @@
 use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, Event, FaultReading, Reading, StateField, StateFields};
 
+use crate::explain::Page;
 use crate::faults::Protocols;
 use crate::json;
 use crate::names::Names;
@@ -72,7 +73,8 @@ pub fn table(reports: &[AxisReport], motors: &Protocols, names: &Names) -> Table
             StateField::Faults => faults(report.faults),
         }));
         row.push(report.trip.map_or(String::new(), |trip| {
-            words::trip_reason(&trip.reason, motors.of(report.axis))
+            let reason = words::trip_reason(&trip.reason, motors.of(report.axis));
+            format!("{reason} {}", Page::of_trip(&trip.reason))
         }));
         table.row(row);
     }

@@ -1,11 +1,13 @@
 //! States, reasons and events in words.
 
-use host_protocol::replies::StoredReport;
+use host_protocol::replies::{ImageReport, StoredReport};
 use host_protocol::{
-    AxisState, Event, EventMessage, MotorTimeout, Protocol, ProtocolSet, StoredState, TripReason,
+    AxisState, Event, EventMessage, ImageState, MotorTimeout, Protocol, ProtocolSet, StoredState,
+    TripReason,
 };
 use serde::Serialize;
 
+use crate::explain::Page;
 use crate::faults::{self, Protocols};
 use crate::json;
 
@@ -54,6 +56,11 @@ pub fn trip_reason(reason: &TripReason, protocol: Option<Protocol>) -> String {
     }
 }
 
+/// That an axis tripped, why, and the page that helps.
+pub fn tripped(axis: u8, reason: &TripReason, protocol: Option<Protocol>) -> String {
+    format!("axis {axis} tripped: {} {}", trip_reason(reason, protocol), Page::of_trip(reason))
+}
+
 /// Why a frame of this host could not be read, as PROTOCOL.md numbers it.
 pub fn frame_error(reason: u8) -> Option<&'static str> {
     host_protocol::FrameError::ALL
@@ -76,6 +83,25 @@ pub fn motor_timeout(timeout: MotorTimeout) -> String {
 pub fn protocols(set: ProtocolSet) -> String {
     let names: Vec<&str> = set.iter().map(|protocol| protocol.name()).collect();
     if names.is_empty() { NOTHING.to_owned() } else { names.join(", ") }
+}
+
+/// What became of the last update, and whether there may be another.
+pub fn image(report: &ImageReport) -> String {
+    let may = match (report.room, report.needs_signature) {
+        (0, _) => "by probe or DFU only",
+        (_, false) => "mgw update gives it another firmware",
+        (_, true) => "mgw update gives it another firmware, signed with its key",
+    };
+    match report.state {
+        ImageState::Kept => may.to_owned(),
+        ImageState::OnTrial { left_ms } => format!(
+            "version {} runs on trial and nothing arms: mgw update --confirm keeps it, or the one \
+             before runs again in {} s",
+            report.version,
+            left_ms / 1_000
+        ),
+        ImageState::RolledBack => format!("the last one was not kept; {may}"),
+    }
 }
 
 /// What is stored of the configuration.
@@ -142,9 +168,7 @@ pub fn open_or_closed(open: bool) -> &'static str {
 
 fn event_in_words(event: &Event, motors: &Protocols) -> String {
     match event {
-        Event::Tripped { axis, trip } => {
-            format!("axis {axis} tripped: {}", trip_reason(&trip.reason, motors.of(*axis)))
-        }
+        Event::Tripped { axis, trip } => tripped(*axis, &trip.reason, motors.of(*axis)),
         Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill } => format!(
             "axis {axis} stop confirmed: first stop on the bus after {}, confirmed after {}{}",
             milliseconds(*reaction_us),

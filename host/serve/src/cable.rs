@@ -151,6 +151,7 @@ fn acts_each_time(number: u16) -> bool {
         ask::ReadAxisParameter::NUMBER,
         ask::ReadAxisSettings::NUMBER,
         ask::ReadNames::NUMBER,
+        ask::ReadImage::NUMBER,
         ask::ListAxes::NUMBER,
         ask::ReadState::NUMBER,
         ask::Recognise::NUMBER,

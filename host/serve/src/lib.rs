@@ -10,7 +10,9 @@ mod cable;
 mod events;
 mod multiplexer;
 mod program;
+mod seen;
 mod shell;
 
 pub use multiplexer::{Multiplexer, News, ProgramId};
-pub use shell::{Listener, serve};
+pub use seen::{SERVER, Seen};
+pub use shell::{Listener, Tap, serve};

@@ -12,6 +12,7 @@ use crate::ask::Ask;
 use crate::cable::{Asker, Cable};
 use crate::events::Told;
 use crate::program::{Fate, Program, Turn};
+use crate::seen::{Copies, Seen};
 
 /// Hello goes out again after this time.
 const HELLO_EVERY: Duration = Duration::from_millis(100);
@@ -83,6 +84,7 @@ pub struct Multiplexer {
     heard_at: Duration,
     probed_at: Duration,
     news: Vec<News>,
+    copies: Copies,
 }
 
 impl Multiplexer {
@@ -106,7 +108,20 @@ impl Multiplexer {
             heard_at: Duration::ZERO,
             probed_at: Duration::ZERO,
             news: Vec::new(),
+            copies: Copies::default(),
         }
+    }
+
+    /// From here on every frame of the cable is kept for [`take_seen`](Self::take_seen).
+    pub fn copy_frames(&mut self) {
+        self.copies.is_wanted = true;
+    }
+
+    /// The frames that have crossed the cable since the last time: those that
+    /// [`poll_cable`](Self::poll_cable) gave, and those that came whole. A repeated one is there
+    /// again.
+    pub fn take_seen(&mut self) -> Vec<Seen> {
+        self.copies.take()
     }
 
     /// A program has connected; `proved`: it may use the gateway.
@@ -253,6 +268,7 @@ impl Multiplexer {
             // What is damaged is asked for again by who waits for it.
             if let Some(Ok(frame)) = deframer.take(&mut bytes) {
                 self.heard_at = now;
+                self.copies.keep(&self.cable, &frame);
                 self.heard(now, &frame);
             }
             self.deframer = deframer;
@@ -399,6 +415,16 @@ impl Multiplexer {
     /// The next frame for the cable: stops, then what the server asks itself, then who commands,
     /// then those who watch in turn.
     pub fn poll_cable(&mut self, now: Duration) -> Option<Vec<u8>> {
+        let frame = self.next_for_cable(now)?;
+        if self.copies.is_wanted
+            && let Some(Ok(frame)) = Deframer::new().take(&mut frame.as_slice())
+        {
+            self.copies.keep(&self.cable, &frame);
+        }
+        Some(frame)
+    }
+
+    fn next_for_cable(&mut self, now: Duration) -> Option<Vec<u8>> {
         if self.state == State::Closed {
             return None;
         }

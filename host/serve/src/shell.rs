@@ -16,6 +16,7 @@ use mgw_client::Halves;
 use subtle::ConstantTimeEq;
 
 use crate::multiplexer::{Multiplexer, News, ProgramId};
+use crate::seen::Seen;
 
 /// Longest time between two looks at the clock.
 const TICK: Duration = Duration::from_millis(5);
@@ -109,6 +110,9 @@ struct Connection {
     heard_at: Duration,
 }
 
+/// Is given every frame of the cable at once; it must not wait for anything.
+pub type Tap = Box<dyn FnMut(Seen)>;
+
 struct Shell<O, L> {
     multiplexer: Multiplexer,
     connections: BTreeMap<ProgramId, Connection>,
@@ -123,14 +127,15 @@ struct Shell<O, L> {
     try_at: Duration,
     /// Why the cable could not be opened, as it was told.
     told: Option<String>,
+    tap: Option<Tap>,
 }
 
 /// Serves until the process ends. `open` opens the cable, again and again whenever there is none;
-/// what happens goes to `log`.
+/// what happens goes to `log`, and a copy of what crosses the cable to `tap`.
 ///
 /// # Errors
 /// When a listener fails.
-pub fn serve<O, L>(listeners: Vec<Listener>, open: O, log: L) -> io::Result<()>
+pub fn serve<O, L>(listeners: Vec<Listener>, open: O, log: L, tap: Option<Tap>) -> io::Result<()>
 where
     O: Fn() -> Result<Halves, String> + Clone + Send + 'static,
     L: FnMut(&str),
@@ -140,8 +145,12 @@ where
         let sender = sender.clone();
         thread::spawn(move || accept(&listener, &sender));
     }
+    let mut multiplexer = Multiplexer::new(fastrand::u16(..));
+    if tap.is_some() {
+        multiplexer.copy_frames();
+    }
     let mut shell = Shell {
-        multiplexer: Multiplexer::new(fastrand::u16(..)),
+        multiplexer,
         connections: BTreeMap::new(),
         sender,
         open,
@@ -152,6 +161,7 @@ where
         opening: false,
         try_at: Duration::ZERO,
         told: None,
+        tap,
     };
     shell.run(&events);
     Ok(())
@@ -211,7 +221,16 @@ where
             }
             Event::Cable(turn, _) if turn != self.turn || self.cable.is_none() => {}
             Event::Cable(_, bytes) if bytes.is_empty() => self.unplug(now),
-            Event::Cable(_, bytes) => self.multiplexer.cable_bytes(now, &bytes),
+            Event::Cable(_, bytes) => {
+                self.multiplexer.cable_bytes(now, &bytes);
+                self.pass_copies();
+            }
+        }
+    }
+
+    fn pass_copies(&mut self) {
+        if let Some(tap) = &mut self.tap {
+            self.multiplexer.take_seen().into_iter().for_each(tap);
         }
     }
 
@@ -296,6 +315,7 @@ where
             if cable.write_all(&frame).and_then(|()| cable.flush()).is_err() {
                 self.unplug(self.start.elapsed());
             }
+            self.pass_copies();
         }
     }
 

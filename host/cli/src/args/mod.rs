@@ -7,7 +7,9 @@ mod frames;
 mod motion;
 mod motor;
 mod plan;
+mod recording;
 mod typed;
+mod update;
 mod values;
 mod watching;
 
@@ -31,7 +33,9 @@ pub use motor::{
     BrakeAction, FunctionName, MotorArgs, MotorSetting, MotorTarget, OnOff, Reports, Zero,
 };
 pub use plan::{HostLine, PlanArgs};
+pub use recording::{FileArgs, Part, PlayArgs, PlotArgs, RecordArgs};
 pub use typed::{Typed, TypedClear, TypedMotor, TypedScan, TypedStop};
+pub use update::{ImageArgs, UpdateArgs};
 use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, WatchArgs};
 
@@ -77,6 +81,7 @@ Examples:
 Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal.
 Positive is counter-clockwise.
 An axis or a bus that has a name (mgw config axis 0 name=left) can be given by it instead of its number.
+An error that ends in a code, as [E-bus-off], has a page: mgw explain E-bus-off.
 Exit codes: 0 done; 1 refused or failed, a trip and a value out of its range too; 2 wrong usage;
 3 a stop was sent and is not confirmed.";
 
@@ -302,6 +307,33 @@ pub enum Command {
     )]
     Watch(WatchArgs),
 
+    /// Record samples, events and cycles into an MCAP file, which Foxglove and PlotJuggler read;
+    /// takes no authority
+    ///
+    /// It commands nothing: Ctrl-C ends it and stops no motor. What other programs ask is recorded
+    /// by `mgw serve --record`. What is lost is counted, told at the end and stored in the file. A
+    /// recording that is cut off lacks its last second at most.
+    #[command(after_help = "Examples:\n  mgw record run.mcap\n  \
+            mgw record run.mcap 0 1 --period 1 --fields position,velocity,current --for 60\n  \
+            mgw record bus.mcap --frames 0        what arrives on bus 0, whose axes are idle")]
+    Record(RecordArgs),
+
+    /// Print a recording, or export it as CSV or candump; needs no gateway
+    #[command(after_help = "Examples:\n  mgw play run.mcap\n  \
+            mgw play run.mcap --topic /event --topic /request\n  \
+            mgw play run.mcap --axis 0 --from 12.5 --to 13 --json\n  \
+            mgw play run.mcap run.2.mcap --topic /axis --csv > run.csv\n  \
+            mgw play bus.mcap --candump | mgw decode")]
+    Play(PlayArgs),
+
+    /// Draw curves of a recording as SVG; needs no gateway
+    ///
+    /// A chart for each field, a curve for each axis, over the time of the gateway; a red line
+    /// where an axis tripped.
+    #[command(after_help = "Examples:\n  mgw plot run.mcap\n  \
+            mgw plot run.mcap --fields velocity --axis 0 --from 12.5 --to 13 --output trip.svg")]
+    Plot(PlotArgs),
+
     /// Show configuration, state and counters of one bus, or of all
     Bus {
         /// The bus; all of the board without it
@@ -345,6 +377,24 @@ pub enum Command {
             mgw motor 0 diff left-knee.toml\n  \
             mgw motor 0 restore left-knee.toml")]
     Motor(MotorArgs),
+
+    /// Give the gateway another firmware over its host link, and keep it if it comes up well
+    ///
+    /// The firmware that runs goes on meanwhile; then the gateway starts the new one on trial, in
+    /// which nothing is armed, and this command confirms it. Without that, or when the power fails at
+    /// any time, the one before runs again. Every axis must be at rest.
+    #[command(after_help = "Examples:\n  \
+            mgw update motor-gateway-nucleo-h743zi.elf\n  \
+            mgw update firmware.bin --signature firmware.sig\n  \
+            mgw update older.elf --allow-older\n  \
+            mgw update --confirm                  after an update that was ended halfway")]
+    Update(UpdateArgs),
+
+    /// Say what an image of the firmware is, and write out what a board takes of it; needs no
+    /// gateway
+    #[command(after_help = "Examples:\n  mgw image motor-gateway.elf\n  \
+            mgw image motor-gateway.elf --output firmware.bin --key public.der")]
+    Image(ImageArgs),
 
     /// Look at link, gateway, buses, motors, timeouts, firmware and clocks, and say what to do
     ///
@@ -411,6 +461,15 @@ pub enum Command {
             mgw bench 0 1 2 3 --rounds 5000 --svg rates.svg\n  \
             mgw bench --yes --delays delays.toml && mgw plan arm.toml --delays delays.toml")]
     Bench(BenchArgs),
+
+    /// Print the page that helps with an error, by the code at its end; needs no gateway
+    #[command(
+        after_help = "Examples:\n  mgw explain E-bus-off\n  mgw explain                  all codes"
+    )]
+    Explain {
+        /// The code, as `E-bus-off`; lists all without it
+        code: Option<String>,
+    },
 
     /// Print a script that completes command lines of mgw in a shell
     #[command(after_help = "Examples:\n  \

@@ -3,19 +3,18 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use host_protocol::{
-    AxisState, CycleEvent, CycleResult, ERRORS, MAX_CYCLE_AXES, Overruns, StateFields,
-};
+use host_protocol::{AxisState, CycleEvent, MAX_CYCLE_AXES, Overruns, StateFields};
 use mgw_client::{Client, ClientError, Hold, Round, Transport};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::arm::while_armed;
 use super::drive::{ArmedAxis, no_longer_armed, tell_stopped};
 use super::limits;
 use crate::args::{CycleArgs, CycleTarget};
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::json;
-use crate::output::{Output, number};
+use crate::output::Output;
 use crate::session::{Session, print_events};
 use crate::table::Table;
 use crate::words::{self, NOTHING};
@@ -144,7 +143,7 @@ impl Periods {
         for line in table.lines_in(&mut self.widths).iter().skip(skipped) {
             self.out.text(line)?;
         }
-        self.out.object(&json::line("period", period(event)))
+        self.out.object(&json::line("period", json::cycle::period(event)))
     }
 
     /// How it went.
@@ -160,51 +159,10 @@ impl Periods {
             self.latest_us,
             last.jitter_us,
         );
-        let mut fields = period(last);
+        let has_overruns = [bus, motor, host, gateway].iter().any(|count| *count > 0);
+        let text = if has_overruns { format!("{text} {}", Page::Overruns) } else { text };
+        let mut fields = json::cycle::period(last);
         json::extend(&mut fields, json!({ "told": self.told, "latest_us": self.latest_us }));
         session.out.event("cycle_ended", text, fields)
     }
-}
-
-/// What became of a setpoint; one that was refused: the name of the error.
-pub fn result(result: CycleResult) -> String {
-    let name = match result {
-        CycleResult::Answered => "answered",
-        CycleResult::Ambiguous => "ambiguous",
-        CycleResult::NoReply => "no_reply",
-        CycleResult::Stopped => "stopped",
-        CycleResult::Superseded => "superseded",
-        CycleResult::Refused { error } => {
-            let known = ERRORS.iter().find(|info| info.number == error);
-            return known.map_or("refused".to_owned(), |info| json::snake(info.name));
-        }
-    };
-    name.to_owned()
-}
-
-fn period(event: &CycleEvent) -> Value {
-    let or_null = |value: Option<f32>| value.map_or(Value::Null, number);
-    let axes = event.states().map(|state| {
-        let mut axis = json::axis::in_state(state.axis, state.state);
-        json::extend(
-            &mut axis,
-            json!({
-                "result": result(state.result), "age_us": state.age_us,
-                "position_rad": or_null(state.position_rad),
-                "velocity_rad_s": or_null(state.velocity_rad_s),
-                "current_a": or_null(state.current_a),
-            }),
-        );
-        axis
-    });
-    let overruns = event.overruns;
-    json!({
-        "period": event.period, "late_us": event.late_us, "jitter_us": event.jitter_us,
-        "took_us": event.took_us,
-        "overruns": {
-            "bus": overruns.bus, "motor": overruns.motor,
-            "host": overruns.host, "gateway": overruns.gateway,
-        },
-        "axes": axes.collect::<Value>(),
-    })
 }

@@ -5,11 +5,12 @@ mod motors;
 
 use std::time::Duration;
 
-use host_protocol::StoredState;
 use host_protocol::replies::GatewayReport;
+use host_protocol::{ImageState, StoredState};
 use serde_json::json;
 
 use crate::config;
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::motor::{Unfinished, unfinished_text};
 use crate::session::Session;
@@ -31,12 +32,16 @@ enum Grade {
     Wrong,
 }
 
-/// One line: what was looked at, how it is, and what to do.
+/// One line: what was looked at, how it is, what to do, and the page that says more.
 struct Line {
     of: String,
     grade: Grade,
     text: String,
+    page: Option<Page>,
 }
+
+/// What is wrong, and the page that says more.
+type Wrong = (Page, String);
 
 /// What has been found so far.
 #[derive(Default)]
@@ -44,15 +49,20 @@ struct Findings(Vec<Line>);
 
 impl Findings {
     fn add(&mut self, of: impl Into<String>, grade: Grade, text: impl Into<String>) {
-        self.0.push(Line { of: of.into(), grade, text: text.into() });
+        self.0.push(Line { of: of.into(), grade, text: text.into(), page: None });
+    }
+
+    fn wrong(&mut self, of: impl Into<String>, page: Page, text: impl Into<String>) {
+        let (grade, page) = (Grade::Wrong, Some(page));
+        self.0.push(Line { of: of.into(), grade, text: text.into(), page });
     }
 
     /// Adds what is wrong; what is well where there is nothing.
-    fn judge(&mut self, of: &str, wrong: Vec<String>, well: impl Into<String>) {
+    fn judge(&mut self, of: &str, wrong: Vec<Wrong>, well: impl Into<String>) {
         if wrong.is_empty() {
             return self.add(of, Grade::Good, well);
         }
-        wrong.into_iter().for_each(|text| self.add(of, Grade::Wrong, text));
+        wrong.into_iter().for_each(|(page, text)| self.wrong(of, page, text));
     }
 }
 
@@ -60,7 +70,7 @@ impl Findings {
 pub fn run(session: &mut Session) -> Result<(), Failure> {
     let mut findings = Findings::default();
     let began = (session.client.now(), session.client.gateway_now_us());
-    firmware(session, &mut findings);
+    firmware(session, &mut findings)?;
     let status = session.client.gateway_status()?;
     gateway(&status, &mut findings);
     configuration(session, &mut findings)?;
@@ -74,13 +84,14 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     clock(session, began, &mut findings)?;
 
     let wrong = findings.0.iter().filter(|line| line.grade == Grade::Wrong).count();
-    let lines = findings
-        .0
-        .iter()
-        .map(|line| json!({ "of": line.of, "grade": name(line.grade), "message": line.text }));
+    let lines = findings.0.iter().map(|Line { of, grade, text, page }| {
+        let page = page.map(Page::code);
+        json!({ "of": of, "grade": name(*grade), "message": text, "explain": page })
+    });
     session.out.object(&json!({ "doctor": lines.collect::<Vec<_>>(), "wrong": wrong }))?;
-    for Line { of, grade, text } in &findings.0 {
-        session.out.text(format!("{:<6}{of:<10}{text}", name(*grade)))?;
+    for Line { of, grade, text, page } in &findings.0 {
+        let page = page.map(|page| format!(" {page}")).unwrap_or_default();
+        session.out.text(format!("{:<6}{of:<10}{text}{page}", name(*grade)))?;
     }
     if wrong > 0 { Err(Failure::Unwell { wrong }) } else { Ok(()) }
 }
@@ -93,7 +104,8 @@ fn name(grade: Grade) -> &'static str {
     }
 }
 
-fn firmware(session: &Session, findings: &mut Findings) {
+fn firmware(session: &mut Session, findings: &mut Findings) -> Result<(), Failure> {
+    let image = session.client.image()?;
     let hello = session.client.hello();
     let ours = env!("CARGO_PKG_VERSION");
     let theirs = hello.firmware.as_str();
@@ -107,35 +119,53 @@ fn firmware(session: &Session, findings: &mut Findings) {
     if hello.has_crash_report {
         findings.add("firmware", Grade::Note, "the run before failed: `mgw trips` says why");
     }
+    match image.state {
+        ImageState::Kept => {}
+        ImageState::OnTrial { .. } => {
+            findings.wrong("firmware", Page::FirmwareUpdate, words::image(&image));
+        }
+        ImageState::RolledBack => findings.add("firmware", Grade::Note, words::image(&image)),
+    }
+    Ok(())
 }
 
 fn gateway(status: &GatewayReport, findings: &mut Findings) {
     let wrong = [
         (
             status.e_stop_input_open == Some(true),
+            Page::EStop,
             "the e-stop input is open: release the button, look at its cable, then `mgw clear \
                 gateway`",
         ),
         (
             status.e_stop_latched && status.e_stop_input_open != Some(true),
+            Page::EStop,
             "the e-stop is latched, so nothing arms: `mgw clear gateway`",
         ),
         (
             !status.random_number,
+            Page::DoesNotArm,
             "the random generator gave no number, so nothing arms: reset the board",
         ),
         (
             status.memory_damaged,
+            Page::GatewayRestarted,
             "the memory that outlives a reset was damaged: apply the configuration again",
         ),
         (
             status.enable_output == Some(false),
+            Page::StopNotConfirmed,
             "the enable output is inactive, as an axis is unreachable: see the axes",
         ),
-        (status.bus_limit.is_some(), "a bus cannot run on this board: `mgw info` says why"),
+        (
+            status.bus_limit.is_some(),
+            Page::NotSupported,
+            "a bus cannot run on this board: `mgw info` says why",
+        ),
     ];
-    let wrong = wrong.into_iter().filter(|(is_so, _)| *is_so);
-    findings.judge("gateway", wrong.map(|(_, text)| text.to_owned()).collect(), "ready to arm");
+    let wrong = wrong.into_iter().filter(|(is_so, ..)| *is_so);
+    let wrong = wrong.map(|(_, page, text)| (page, text.to_owned())).collect();
+    findings.judge("gateway", wrong, "ready to arm");
 }
 
 /// What is stored, and what a command that was ended halfway may have left.
@@ -151,12 +181,12 @@ fn configuration(session: &mut Session, findings: &mut Findings) -> Result<(), F
         StoredState::Damaged
         | StoredState::OtherLayout { .. }
         | StoredState::Refused { .. }
-        | StoredState::NotRead => findings.add("gateway", Grade::Wrong, text),
+        | StoredState::NotRead => findings.wrong("gateway", Page::NotStored, text),
     }
     let running = config::read(&mut session.client)?;
     if let Some(file) = Unfinished::new().before(&running) {
         let text = unfinished_text(&file);
-        findings.add("gateway", Grade::Wrong, text);
+        findings.wrong("gateway", Page::MotorSetting, text);
     }
     Ok(())
 }
@@ -172,13 +202,15 @@ fn link(session: &mut Session, findings: &mut Findings) -> Result<(), Failure> {
     let damaged = session.client.losses().damaged;
     let mut wrong = Vec::new();
     if damaged > 0 {
-        wrong.push(format!("{damaged} frames arrived damaged: look at the cable to the gateway"));
+        let text = format!("{damaged} frames arrived damaged: look at the cable to the gateway");
+        wrong.push((Page::ConnectionLost, text));
     }
     if worst > SLOW {
-        wrong.push(format!(
+        let text = format!(
             "a round trip took {} ms: setpoints may expire on their way. Load, a hub, or a bad line",
             worst.as_millis()
-        ));
+        );
+        wrong.push((Page::SetpointExpired, text));
     }
     #[allow(clippy::cast_precision_loss)]
     let shown = worst.as_micros() as f64 / 1_000.0;
@@ -204,10 +236,11 @@ fn clock(
     let ppm = if here > 0.0 { apart / here * 1e6 } else { 0.0 };
     let mut wrong = Vec::new();
     if ppm > DRIFT_PPM {
-        wrong.push(format!(
+        let text = format!(
             "the gateway's clock and this computer's drift apart by {ppm:.0} ppm: setpoints may \
                 expire too early or late"
-        ));
+        );
+        wrong.push((Page::SetpointExpired, text));
     }
     findings.judge("clock", wrong, "the gateway's runs as this computer's");
     Ok(())

@@ -16,8 +16,9 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     let hello = session.client.hello().clone();
     let status = session.client.gateway_status()?;
     let stored = session.client.read_stored()?;
+    let image = session.client.image()?;
     let motors = dialects::of_axes(session)?;
-    let mut object = json::gateway::info(&hello, &status, &stored);
+    let mut object = json::gateway::info(&hello, &status, &stored, &image);
     let names = session.known_names();
     object["name"] = json!(names.of(Subject::Gateway));
     for (number, _) in (0u8..).zip(&hello.buses) {
@@ -30,6 +31,7 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     let lines = [
         ("board", hello.board.to_string()),
         ("firmware", format!("{}  ({})", hello.firmware, hello.build_id)),
+        ("update", words::image(&image)),
         ("protocol", format!("{}.{}", hello.protocol_major, hello.protocol_minor)),
         ("started", format!("{}, {} ago", words::name(&hello.boot), words::seconds(hello.time_us))),
         ("axes", format!("up to {}", hello.max_axes)),

@@ -15,15 +15,16 @@ mod motor;
 mod moving;
 mod native;
 mod raw;
+mod record;
 mod scan;
 mod set;
 mod stop;
 mod stop_report;
 mod together;
 mod trips;
+mod update;
 mod watch;
 
-pub use cycle::result as cycle_result;
 pub use drive::state_line;
 pub use motor::set_id as set_motor_id;
 pub use native::motor as motor_of;
@@ -68,8 +69,10 @@ pub fn run(
         Command::Arm { .. }
         | Command::Jog(_)
         | Command::Watch(_)
+        | Command::Record(_)
         | Command::Motor(_)
         | Command::Raw { .. } => Progress::none(),
+        Command::Update(_) => out.waiting_for("waiting for the gateway"),
         _ => out.waiting_for("waiting for the motors"),
     };
     let result = match stop {
@@ -91,9 +94,10 @@ pub fn run(
             | Command::Scan(_)
             | Command::Adopt(_)
             | Command::Motor(_)
+            | Command::Update(_)
             | Command::Doctor
             | Command::Raw { .. }
-    );
+    ) || matches!(command, Command::Record(arguments) if arguments.frames.is_some());
     let reachable = match &result {
         Ok(()) => true,
         Err(failure) => failure.is_from_gateway(),
@@ -114,11 +118,16 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         | Command::Decode(_)
         | Command::Encode(_)
         | Command::Plan(_)
+        | Command::Image(_)
+        | Command::Explain { .. }
+        | Command::Play(_)
+        | Command::Plot(_)
         | Command::Completion { .. }
         | Command::Man { .. } => Ok(()),
         // These have been sent before all else.
         Command::Stop { .. } | Command::Estop => Ok(()),
         Command::Info => info::run(session),
+        Command::Update(arguments) => update::run(session, arguments),
         Command::Trips => trips::run(session),
         Command::Axes => axes::run(session),
         Command::Config { action } => config::run(session, action),
@@ -145,6 +154,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
             session.print_states(&axes)
         }
         Command::Watch(arguments) => watch::run(session, arguments),
+        Command::Record(arguments) => record::run(session, arguments),
         Command::Scan(arguments) => scan::run(session, arguments),
         Command::Doctor => doctor::run(session),
         Command::Adopt(arguments) => adopt::run(session, arguments),

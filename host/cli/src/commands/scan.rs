@@ -5,6 +5,7 @@ use host_protocol::{BusKind, Protocol};
 use serde_json::{Value, json};
 
 use crate::args::{ScanArgs, ScanCommand};
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::faults;
 use crate::json;
@@ -131,11 +132,14 @@ pub fn bus_notes(scanned: &Scanned) -> Vec<String> {
     if scanned.unacknowledged {
         notes.push(format!(
             "bus {bus} at {bitrate} bit/s: nobody acknowledges. Look at power, termination, wiring, \
-                and the bitrate of the motors"
+                and the bitrate of the motors {}",
+            Page::NotAcknowledged
         ));
     } else if scanned.motors.is_empty() {
         let names: Vec<&str> = scanned.protocols.iter().map(Protocol::name).collect();
-        notes.push(format!("bus {bus} at {bitrate} bit/s: no motor found ({})", names.join(", ")));
+        let page = Page::ScanFindsNothing;
+        let names = names.join(", ");
+        notes.push(format!("bus {bus} at {bitrate} bit/s: no motor found ({names}) {page}"));
     }
     if !scanned.left_out.is_empty() {
         let rates: Vec<String> = scanned.left_out.iter().map(u32::to_string).collect();
@@ -147,7 +151,8 @@ pub fn bus_notes(scanned: &Scanned) -> Vec<String> {
     if scanned.unreadable > 0 {
         notes.push(format!(
             "bus {bus} at {bitrate} bit/s: something was heard that could not be read: noise, \
-                another bitrate, or two motors with one id"
+                another bitrate, or two motors with one id {}",
+            Page::BusErrors
         ));
     }
     if scanned.lost > 0 {
@@ -167,20 +172,23 @@ pub fn notes(scanned: &Scanned, motor: &Found) -> Vec<String> {
         };
         notes.push(format!(
             "{who}: two motors seem to have this id ({why}). Unplug one, and give the other \
-                another id"
+                another id {}",
+            Page::DoubledId
         ));
     }
     if let Some(stated) = motor.contradicted {
         let axis = motor.axis.unwrap_or_default();
         notes.push(format!(
-            "{who}: its answers contradict rmd_dialect = {} of axis {axis}",
-            stated.name()
+            "{who}: its answers contradict rmd_dialect = {} of axis {axis} {}",
+            stated.name(),
+            Page::Dialect
         ));
     }
     if let Some(velocity) = motor.turns() {
         notes.push(format!(
             "{who}: it turns, at {velocity:.2} rad/s. Keep clear; an axis that is configured for it \
-                stops it: `mgw stop AXIS`"
+                stops it: `mgw stop AXIS` {}",
+            Page::MotorTurns
         ));
     }
     if motor.timed_out {

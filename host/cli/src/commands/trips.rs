@@ -36,7 +36,7 @@ fn row(incident: &Incident, motors: &Protocols) -> [String; 3] {
         Incident::Tripped { start, axis, trip } => [
             start.to_string(),
             words::seconds(trip.time_us),
-            format!("axis {axis} tripped: {}", words::trip_reason(&trip.reason, motors.of(*axis))),
+            words::tripped(*axis, &trip.reason, motors.of(*axis)),
         ],
     }
 }

@@ -55,16 +55,19 @@ fn finish(motions: &[Motion], stops: &[silence::Stop], out: Output) -> Result<()
     out.text(format!("All {} axes tripped and stopped without the host.", stops.len()))?;
     out.text("")?;
     out.text("What to try next:")?;
-    for (command, effect) in [
-        ("cargo run -- sim", "serve this gateway on tcp:127.0.0.1:7401; then, in another window:"),
-        ("cargo run -- --port tcp:127.0.0.1:7401 info", "what it is"),
+    // Who has run it by cargo may have it nowhere else.
+    let mgw = if std::env::var_os("CARGO").is_some() { "cargo run --" } else { "mgw" };
+    for (words, effect) in [
+        ("sim", "serve this gateway on tcp:127.0.0.1:7401; then, in another window:"),
+        ("--port tcp:127.0.0.1:7401 info", "what it is"),
         (
-            "cargo run -- --port tcp:127.0.0.1:7401 set 0 velocity 2 --for 3",
+            "--port tcp:127.0.0.1:7401 set 0 velocity 2 --for 3",
             "move an axis; kill it and see what happens",
         ),
-        ("cargo run -- --port tcp:127.0.0.1:7401 watch", "states and events"),
-        ("cargo run -- --help", "every command"),
+        ("--port tcp:127.0.0.1:7401 watch", "states and events"),
+        ("--help", "every command"),
     ] {
+        let command = format!("{mgw} {words}");
         out.text(format!("  {command:<66} {effect}"))?;
     }
     Ok(())

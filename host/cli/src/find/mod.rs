@@ -132,7 +132,7 @@ fn choose(
 ) -> Result<Candidate, Failure> {
     let (mut candidates, others) = candidates(ports);
     if candidates.len() < 2 {
-        return candidates.pop().ok_or_else(|| Failure::Usage(nothing_found(&others)));
+        return candidates.pop().ok_or_else(|| Failure::NoGateway { text: nothing_found(&others) });
     }
     for one in &mut candidates {
         if let Some(name) = name_of(&one.port) {

@@ -2,11 +2,13 @@
 
 use host_protocol::replies::AxisReport;
 use host_protocol::{
-    AxisState, AxisSummary, Event, FaultReading, MotorTimeout, Protocol, Setpoint, Trip, TripReason,
+    AxisState, AxisSummary, Event, FaultReading, MotorTimeout, Protocol, Setpoint, SlowState, Trip,
+    TripReason,
 };
 use serde_json::{Value, json};
 
 use super::{extend, name, variant};
+use crate::explain::Page;
 use crate::faults;
 use crate::output::{number, to_json};
 
@@ -28,7 +30,7 @@ fn put_faults(object: &mut Value, key: &str, protocol: Option<Protocol>, word: O
 /// Why an axis tripped, and what belongs to the reason.
 pub fn reason(reason: &TripReason, protocol: Option<Protocol>) -> Value {
     let (name, fields) = variant(reason);
-    let mut value = json!({ "reason": name });
+    let mut value = json!({ "reason": name, "explain": Page::of_trip(reason).code() });
     match reason {
         TripReason::MotorFault { faults } => {
             put_faults(&mut value, "faults", protocol, Some(*faults))
@@ -128,6 +130,13 @@ pub fn sample(event: &Event, protocol: Option<Protocol>) -> Value {
     ] {
         value[key] = to_json(reading);
     }
+    value
+}
+
+/// What a free-running cycle tells of one axis in turns.
+pub fn slow(slow: &SlowState, protocol: Option<Protocol>) -> Value {
+    let mut value = to_json(slow);
+    put_reading(&mut value, protocol, slow.faults);
     value
 }
 

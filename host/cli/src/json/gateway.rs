@@ -1,7 +1,7 @@
 //! The gateway: what it is, its buses, what it remembers.
 
-use host_protocol::replies::{BusReport, GatewayReport, HelloReply, StoredReport};
-use host_protocol::{BusConfig, Incident, StoredState};
+use host_protocol::replies::{BusReport, GatewayReport, HelloReply, ImageReport, StoredReport};
+use host_protocol::{BusConfig, ImageState, Incident, StoredState};
 use serde_json::{Value, json};
 
 use super::{axis, extend, name, protocols};
@@ -9,7 +9,12 @@ use crate::faults::Protocols;
 use crate::output::to_json;
 
 /// What it is, and how.
-pub fn info(hello: &HelloReply, status: &GatewayReport, stored: &StoredReport) -> Value {
+pub fn info(
+    hello: &HelloReply,
+    status: &GatewayReport,
+    stored: &StoredReport,
+    image: &ImageReport,
+) -> Value {
     let buses = hello.buses.iter().map(|bus| {
         json!({
             "kind": name(&bus.kind),
@@ -23,6 +28,14 @@ pub fn info(hello: &HelloReply, status: &GatewayReport, stored: &StoredReport) -
     value["status"] = to_json(status);
     value["status"]["bus_limit"] = json!(status.bus_limit.as_ref().map(name));
     value["stored"] = stored_state(stored);
+    let left_ms = match image.state {
+        ImageState::OnTrial { left_ms } => Some(left_ms),
+        ImageState::Kept | ImageState::RolledBack => None,
+    };
+    value["image"] = json!({
+        "version": image.version.to_string(), "room_bytes": image.room,
+        "needs_signature": image.needs_signature, "state": name(&image.state), "left_ms": left_ms,
+    });
     if let Some(fields) = value.as_object_mut()
         && let Some(longest) = fields.remove("max_message")
     {

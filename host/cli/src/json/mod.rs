@@ -3,7 +3,9 @@
 //! a stream.
 
 pub mod axis;
+pub mod cycle;
 pub mod gateway;
+pub mod wire;
 
 use embedded_can::{Frame, Id};
 use host_protocol::{Event, EventMessage, Protocol, ProtocolSet, RawFrame};
@@ -114,6 +116,15 @@ pub fn event(message: &EventMessage, motors: &Protocols) -> Value {
     });
     extend(&mut fields, common);
     fields
+}
+
+/// A raw frame of a bus, and of which kind that is.
+pub fn raw_frame(bus: u8, raw: &RawFrame) -> Value {
+    let kind = match raw {
+        RawFrame::Can(_) => "can",
+        RawFrame::Serial(_) => "serial",
+    };
+    json!({ "bus": bus, "kind": kind, "frame": frame(raw) })
 }
 
 /// A raw frame as `mgw decode` reads it: `141#9A00000000000000`, or the bytes of a serial line.

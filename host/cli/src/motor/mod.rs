@@ -153,7 +153,8 @@ fn is_silence(error: &Error) -> bool {
 
 /// A motor of this protocol has no such setting.
 fn lacks(motor: &Motor, what: &str, instead: &str) -> Failure {
-    Failure::Usage(format!("{}: {what}. {instead}", motor.name()).trim_end().to_owned())
+    let text = format!("{}: {what}. {instead}", motor.name());
+    Failure::Usage(text.trim_end_matches([' ', '.']).to_owned())
 }
 
 impl Run<'_> {

@@ -1,6 +1,6 @@
 //! `mgw` without arguments.
 
-use crate::support::mgw;
+use crate::support::{command as command_of, mgw};
 
 #[test]
 fn all_five_axes_stop_without_the_host() {
@@ -24,6 +24,16 @@ fn all_five_axes_stop_without_the_host() {
     // Speed 0 is the stop of a D5, on CAN and on RS485.
     assert!(text.contains("00B#D50B050320000033"), "{text}");
     assert!(text.contains(" D50C050320000034"), "{text}");
+}
+
+#[test]
+fn it_names_the_command_as_it_was_run() {
+    for (cargo, command) in [(Some("cargo"), "  cargo run -- sim "), (None, "  mgw sim ")] {
+        let mut program = command_of(&["demo"]);
+        program.env_remove("CARGO").envs(cargo.map(|cargo| ("CARGO", cargo)));
+        let text = String::from_utf8(program.output().unwrap().stdout).unwrap();
+        assert!(text.contains(command), "{text}");
+    }
 }
 
 #[test]

@@ -176,6 +176,8 @@ fn each_command_prints_what_the_schema_says_of_it() {
         ("estop", "stops"),
         ("clear gateway", "done"),
         ("--version", "version"),
+        ("explain", "pages"),
+        ("explain E-bus-off", "page"),
         ("encode --protocol rmd --node 1 stop", "encoded"),
         ("encode --protocol d5 --list", "commands"),
         ("demo", "event"),

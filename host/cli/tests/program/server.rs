@@ -11,14 +11,14 @@ use crate::support::{Outcome, Process, Sim, mgw, outcome_of};
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// A server, and how it is reached.
-struct Server {
-    process: Process,
-    port: String,
+pub struct Server {
+    pub process: Process,
+    pub port: String,
     socket: PathBuf,
 }
 
 impl Server {
-    fn start(cable: &str, arguments: &[&str]) -> Self {
+    pub fn start(cable: &str, arguments: &[&str]) -> Self {
         let unique = cable.rsplit(':').next().unwrap();
         let name = format!("mgw-test-{}-{unique}.sock", std::process::id());
         let socket = std::env::temp_dir().join(name);

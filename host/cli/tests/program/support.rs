@@ -14,7 +14,7 @@ use serde_json::Value;
 use crate::schema;
 
 /// No test waits longer than this for anything.
-const LIMIT: Duration = Duration::from_secs(60);
+pub const LIMIT: Duration = Duration::from_secs(60);
 
 /// What a run of the program left behind.
 #[derive(Debug)]

@@ -5,7 +5,8 @@ use std::time::Duration;
 use host_protocol::replies::BusReport;
 use host_protocol::{BusCounters, BusKind, BusState};
 
-use super::{Findings, Grade};
+use super::{Findings, Grade, Wrong};
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::session::Session;
 
@@ -34,7 +35,8 @@ pub fn judge(
     findings: &mut Findings,
 ) {
     if after.iter().all(|(_, _, report)| report.config.is_none()) {
-        findings.add("buses", Grade::Wrong, "none is configured: `mgw scan` and `mgw adopt`");
+        let text = "none is configured: `mgw scan` and `mgw adopt`";
+        findings.wrong("buses", Page::NotConfigured, text);
     }
     for ((bus, kind, before), (_, _, after)) in before.iter().zip(after) {
         let Some(config) = after.config else { continue };
@@ -80,38 +82,40 @@ fn wrong(
     after: &BusReport,
     grown: impl Fn(fn(&BusCounters) -> u32) -> u32,
     load: f64,
-) -> Vec<String> {
+) -> Vec<Wrong> {
     let mut wrong = Vec::new();
+    let mut add = |page: Page, text: String| wrong.push((page, text));
     if after.state == BusState::BusOff {
-        wrong.push("bus-off: look for a short of the two wires, and at the bitrate".to_owned());
+        add(Page::BusOff, "bus-off: look for a short of the two wires, and at the bitrate".into());
     } else if grown(|count| count.missed_acknowledgements) > 0 {
-        wrong.push(
-            "nobody acknowledges: look at the power of the motors, the cable, the termination \
-                (120 Ω at both ends), and the bitrate"
-                .to_owned(),
-        );
+        let text = "nobody acknowledges: look at the power of the motors, the cable, the termination \
+                (120 Ω at both ends), and the bitrate";
+        add(Page::NotAcknowledged, text.into());
     } else if matches!(after.state, BusState::Warning | BusState::Passive) {
-        wrong.push(format!(
+        let text = format!(
             "error counters are high (TEC {}, REC {}): a wrong bitrate, the termination, or a bad \
                 cable",
             after.transmit_errors, after.receive_errors
-        ));
+        );
+        add(Page::BusErrors, text);
     }
     let rejected = grown(|count| count.rejected);
     if rejected > 0 {
-        wrong.push(format!(
+        let text = format!(
             "{rejected} bytes were no frames: noise, the bias of the line, another baud rate, or \
                 two motors with one id"
-        ));
+        );
+        add(Page::BusErrors, text);
     }
     if grown(|count| count.receive_overflows) > 0 {
-        wrong.push("frames are lost: somebody floods the bus".to_owned());
+        add(Page::BusErrors, "frames are lost: somebody floods the bus".into());
     }
     if load > BUSY {
-        wrong.push(format!(
+        let text = format!(
             "load {:.0} %: poll less often (state_poll_us, refresh_us), or move axes to another bus",
             load * 100.0
-        ));
+        );
+        add(Page::BusOverloaded, text);
     }
     wrong
 }

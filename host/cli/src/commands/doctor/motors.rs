@@ -6,9 +6,10 @@ use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, AxisSummary, MotorTimeout, Protocol, parameters};
 use mgw_client::ClientError;
 
-use super::{Findings, Grade};
+use super::{Findings, Grade, Wrong};
 use crate::args::{Bitrates, ScanTarget};
 use crate::commands::scan::{bus_notes, name};
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::faults;
 use crate::scan::{Found, Scanned, Wanted, standstill};
@@ -26,7 +27,7 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
         if let Some(missing) = summary.missing {
             let missing = parameters::name(missing).unwrap_or("a parameter");
             let todo = format!("lacks {missing}: `mgw config axis {axis} {missing}=…`");
-            findings.add(of, Grade::Wrong, todo);
+            findings.wrong(of, Page::NotConfigured, todo);
             continue;
         }
         match session.client.read_state_when_free(axis) {
@@ -43,13 +44,15 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
                                 --unreachable` and `mgw scan`"
                         ),
                     };
-                    wrong.push(format!("tripped ({reason}): remove the cause, {todo}"));
+                    let text = format!("tripped ({reason}): remove the cause, {todo}");
+                    wrong.push((Page::of_trip(&trip.reason), text));
                 }
                 wrong.extend(of_velocity(axis, &report));
                 let word = report.faults.map_or(0, |faults| faults.word);
                 if word != 0 {
                     let names = faults::in_words(summary.protocol, word);
-                    wrong.push(format!("its motor reports {names}: `mgw state {axis}` says more"));
+                    let text = format!("its motor reports {names}: `mgw state {axis}` says more");
+                    wrong.push((Page::MotorFault, text));
                 }
                 wrong.extend(of_timeout(summary, report.motor_timeout));
                 let volts = report.voltage_v.map(|volts| format!(", {:.1} V", volts.value));
@@ -67,7 +70,7 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
                 }
             }
             Err(ClientError::Gateway(error)) => {
-                findings.add(of, Grade::Wrong, error.to_string());
+                findings.wrong(of, Page::of_error(&error), error.to_string());
             }
             Err(error) => return Err(error.into()),
         }
@@ -76,20 +79,21 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
 }
 
 /// A motor that turns although nothing commands it.
-fn of_velocity(axis: u8, report: &AxisReport) -> Option<String> {
+fn of_velocity(axis: u8, report: &AxisReport) -> Option<Wrong> {
     let at_rest = matches!(report.state, AxisState::Idle | AxisState::Holding);
     let velocity = report.velocity_rad_s.filter(|_| at_rest)?.value;
     (velocity.abs() > standstill()).then(|| {
-        format!(
+        let text = format!(
             "its motor turns at {velocity:.2} rad/s, and no setpoint says so: `mgw stop {axis}`"
-        )
+        );
+        (Page::MotorTurns, text)
     })
 }
 
 /// What is wrong with the timeout by which the motor stops when the gateway fails.
-fn of_timeout(summary: &AxisSummary, timeout: MotorTimeout) -> Option<String> {
+fn of_timeout(summary: &AxisSummary, timeout: MotorTimeout) -> Option<Wrong> {
     let axis = summary.axis;
-    match (timeout, summary.protocol) {
+    let text = match (timeout, summary.protocol) {
         // Arming reads the switch of the one, and writes the time of the other again.
         (MotorTimeout::Unknown, Some(Protocol::D5 | Protocol::Thruster)) => None,
         (MotorTimeout::Unknown, _) => Some(format!(
@@ -101,7 +105,8 @@ fn of_timeout(summary: &AxisSummary, timeout: MotorTimeout) -> Option<String> {
                 timeout {axis} 300`"
         )),
         (MotorTimeout::Written { .. } | MotorTimeout::Verified, _) => None,
-    }
+    };
+    text.map(|text| (Page::MotorTimeout, text))
 }
 
 /// Scans the buses that may be: motors without an axis, two with one id, dialects.
@@ -163,12 +168,12 @@ fn judge(scanned: &Scanned, axes: &[AxisSummary], findings: &mut Findings) {
         let who = name(motor);
         if let Some(velocity) = motor.turns().filter(|_| motor.axis.is_none()) {
             let text = format!("{who} turns at {velocity:.2} rad/s, and is no axis: keep clear");
-            findings.add(&bus, Grade::Wrong, text);
+            findings.wrong(&bus, Page::MotorTurns, text);
         }
         if motor.doubled.is_some() {
-            findings.add(
+            findings.wrong(
                 &bus,
-                Grade::Wrong,
+                Page::DoubledId,
                 format!("two motors seem to be {who}: unplug one, give the other another id"),
             );
         } else if motor.axis.is_none() {
@@ -183,9 +188,9 @@ fn judge(scanned: &Scanned, axes: &[AxisSummary], findings: &mut Findings) {
             findings.add(&bus, Grade::Note, text);
         }
         if let (Some(axis), Some(stated)) = (motor.axis, motor.contradicted) {
-            findings.add(
+            findings.wrong(
                 format!("axis {axis}"),
-                Grade::Wrong,
+                Page::Dialect,
                 format!(
                     "its motor's answers contradict rmd_dialect = {}: `mgw scan {}` shows them, \
                         `mgw config axis {axis} rmd_dialect=unknown` is always safe",

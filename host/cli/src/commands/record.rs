@@ -1,0 +1,110 @@
+//! `mgw record`
+
+use std::time::Duration;
+
+use host_protocol::StateFields;
+use mgw_client::{Client, ClientError, Transport};
+use serde_json::json;
+
+use crate::args::RecordArgs;
+use crate::failure::Failure;
+use crate::record::{Recording, Tap, What};
+use crate::session::Session;
+use crate::states;
+
+/// Between two looks at what has come: so much later a period of a cycle is at most.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+/// Between two fetches of raw frames.
+const FETCH_EVERY: Duration = Duration::from_millis(10);
+
+/// Records samples, events and periods of cycles until Ctrl-C.
+pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure> {
+    let axes = session.axes(&arguments.axes)?;
+    let axes = session.axes_or_all(&axes)?;
+    session.refuse_unconfigured(&axes, "there is nothing to record of it")?;
+    let bus = arguments.frames.as_ref().map(|bus| session.bus(bus)).transpose()?;
+    let fields = match arguments.fields.as_slice() {
+        [] => states::ALL,
+        fields => StateFields::of(fields),
+    };
+    let place = arguments.written.place(arguments.file.clone());
+    let recording = Recording::start(place, session.out.motors)?;
+    if let Some(bus) = bus {
+        session.client.raw_open(bus)?;
+    }
+    let period = Duration::from_millis(arguments.period);
+    let followed = session.client.subscribe(&axes, fields, period).map_err(Failure::from);
+    let followed = followed.and_then(|()| {
+        let file = arguments.file.display().to_string();
+        session.out.event(
+            "recording",
+            format!("recording into {file}; Ctrl-C ends it"),
+            json!({ "file": file }),
+        )?;
+        follow(session, &recording, bus, arguments.seconds)
+    });
+    let (followed, interrupted) = match followed {
+        // Ctrl-C is how it ends.
+        Err(Failure::Client(ClientError::Interrupted { .. })) => (Ok(()), true),
+        followed => (followed, false),
+    };
+    // What was recorded is worth more than a farewell.
+    let summary = recording.finish();
+    if followed.is_ok() || interrupted {
+        let closed = bus.map_or(Ok(()), |bus| session.client.raw_close(bus));
+        let _ = session.client.unsubscribe().and(closed);
+    }
+    let summary = summary?;
+    session.out.event("recording_ended", summary.text(), summary.fields())?;
+    followed
+}
+
+fn follow(
+    session: &mut Session,
+    recording: &Recording,
+    bus: Option<u8>,
+    seconds: Option<Duration>,
+) -> Result<(), Failure> {
+    let tap = recording.tap();
+    let client = &mut session.client;
+    let end = seconds.map(|seconds| client.now() + seconds);
+    let (mut lost, mut fetch_at) = (0, client.now());
+    while !recording.has_failed() && end.is_none_or(|end| client.now() < end) {
+        client.keep_subscription()?;
+        let mut next = client.poll_event(LOOK_EVERY)?;
+        while let Some(message) = next {
+            tap.put(What::Event(message));
+            next = client.poll_event(Duration::ZERO)?;
+        }
+        while let Some(message) = client.poll_cycle(Duration::ZERO)? {
+            tap.put(What::Cycle(message));
+        }
+        let losses = client.losses();
+        let on_the_way = losses.events_lost + losses.events_dropped;
+        if on_the_way != lost {
+            lost = on_the_way;
+            tap.put(What::Lost { on_the_way });
+        }
+        if let Some(bus) = bus
+            && client.now() >= fetch_at
+        {
+            fetch_at = client.now() + FETCH_EVERY;
+            fetch(client, &tap, bus)?;
+        }
+    }
+    Ok(())
+}
+
+/// Fetches the raw frames that have arrived.
+fn fetch(client: &mut Client<Box<dyn Transport>>, tap: &Tap, bus: u8) -> Result<(), Failure> {
+    loop {
+        let received = client.raw_receive(bus)?;
+        let is_empty = received.frames.is_empty();
+        for frame in received.frames {
+            tap.put(What::Frame { bus, frame });
+        }
+        if is_empty {
+            return Ok(());
+        }
+    }
+}
