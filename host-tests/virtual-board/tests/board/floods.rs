@@ -23,9 +23,10 @@ fn stalled() -> Duration {
     }
 }
 
-/// Has the firmware do nothing for longer than a ring holds, once.
+/// Has the firmware do nothing for longer than a ring holds, once. It stalls where nothing is
+/// returned: what the planted code leaves in the place of a value is anything.
 fn stall(machine: &mut Machine) {
-    let handle = Place::Function("gateway::gateway::Gateway::handle");
+    let handle = Place::Function("motor_gateway::shared_gateway::SharedGateway::handle");
     machine.plant(handle, &Fault::Code(STALL.to_vec()));
     assert!(
         machine.run_until(Duration::from_millis(50), |machine| machine.struck().is_some()),
