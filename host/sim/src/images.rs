@@ -1,13 +1,11 @@
 //! The images of the firmware on a simulated board, and what its loader makes of them at a start.
 
-use firmware_image::{Check, HEADER_OFFSET, HEADER_SIZE, Header, NO_KEY, Wrong, version};
+use firmware_image::{Check, HEADER_OFFSET, Header, NO_KEY, Wrong, version};
 use gateway::{Board, FoundImage, ImageJob, Images, SaveError};
 use host_protocol::requests::BeginImage;
 
 /// Bytes of the longest image: as on a NUCLEO-H743ZI.
 const ROOM: u32 = 512 << 10;
-/// Bytes of the shortest image.
-const LEAST: usize = HEADER_OFFSET + HEADER_SIZE;
 
 /// The image that runs, and one that a host sends.
 #[derive(Debug, Clone)]
@@ -30,11 +28,6 @@ impl ImageSlots {
     /// What the image that runs says of itself.
     pub fn header(&self) -> Header {
         Header::of_image(&self.runs).expect("what runs has a header")
-    }
-
-    /// The bytes of the image that runs.
-    pub fn running(&self) -> &[u8] {
-        &self.runs
     }
 
     /// What the loader does at each start.
@@ -86,6 +79,6 @@ pub fn image(header: &Header, rest: &[u8]) -> Vec<u8> {
     let mut image = vec![0; HEADER_OFFSET];
     image.extend(header.to_bytes());
     image.extend(rest);
-    image.resize(image.len().max(LEAST).next_multiple_of(firmware_image::UNIT), 0);
+    image.resize(image.len().next_multiple_of(firmware_image::UNIT), 0);
     image
 }

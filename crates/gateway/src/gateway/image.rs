@@ -3,6 +3,7 @@
 
 use super::Gateway;
 use super::requests::Result;
+use super::stored::begins_or_stores;
 use crate::outbox::Ticket;
 use crate::port::{FoundImage, ImageJob, Images, Save, SaveError};
 use crate::time::{Duration, Instant};
@@ -60,17 +61,7 @@ impl Gateway {
 
     /// What waits for the image that runs to be confirmed, or for the start of the next one.
     pub(crate) fn refuse_for_image(&self, request: &Request) -> Result<()> {
-        let waits = matches!(
-            request,
-            Request::Arm(_)
-                | Request::ArmTogether(_)
-                | Request::RawOpen(_)
-                | Request::SaveConfiguration(_)
-                | Request::ForgetStored(_)
-                | Request::BeginImage(_)
-                | Request::WriteImage(_)
-                | Request::FinishImage(_)
-        );
+        let waits = begins_or_stores(request);
         match &self.image {
             Image { restarts: Some(_), .. } if waits => Err(Error::Restarting {}),
             Image { trial_ends: Some(_), .. } if waits => Err(Error::ImageOnTrial {}),

@@ -253,30 +253,23 @@ impl Gateway {
         Ok(())
     }
 
-    /// While it is stored the configuration stays as it is, and nothing begins to move: the flash may
-    /// hold the processor up.
+    /// While something is stored the configuration stays as it is, and nothing begins to move: the
+    /// flash may hold the processor up.
     pub(crate) fn refuse_while_saving(&self, request: &Request) -> Result<()> {
-        let waits = matches!(
-            request,
-            Request::ConfigureGateway(_)
-                | Request::ConfigureBus(_)
-                | Request::BeginChanges(_)
-                | Request::AddChanges(_)
-                | Request::ApplyChanges(_)
-                | Request::SaveConfiguration(_)
-                | Request::ForgetStored(_)
-                | Request::ConfigureAxis(_)
-                | Request::RemoveAxis(_)
-                | Request::ProvisionMotorTimeout(_)
-                | Request::Arm(_)
-                | Request::ArmTogether(_)
-                | Request::RawOpen(_)
-                | Request::BeginImage(_)
-                | Request::WriteImage(_)
-                | Request::FinishImage(_)
-                | Request::ConfirmImage(_)
-        );
-        if waits && self.stored.saving.is_some() { Err(Error::Saving {}) } else { Ok(()) }
+        let waits = begins_or_stores(request)
+            || matches!(
+                request,
+                Request::ConfigureGateway(_)
+                    | Request::ConfigureBus(_)
+                    | Request::BeginChanges(_)
+                    | Request::AddChanges(_)
+                    | Request::ApplyChanges(_)
+                    | Request::ConfigureAxis(_)
+                    | Request::RemoveAxis(_)
+                    | Request::ProvisionMotorTimeout(_)
+                    | Request::ConfirmImage(_)
+            );
+        if waits && self.stored.is_saving() { Err(Error::Saving {}) } else { Ok(()) }
     }
 
     /// What was to be stored is, or could not be.
@@ -323,6 +316,22 @@ impl Gateway {
             State::Found(Found::OtherLayout { layout }) => StoredState::OtherLayout { layout },
             State::Found(Found::NotRead) => StoredState::NotRead,
         };
-        replies::StoredReport { state, saving: self.stored.saving.is_some() }
+        replies::StoredReport { state, saving: self.stored.is_saving() }
     }
+}
+
+/// Whether a request begins what may move a motor, or has something stored that outlives a start:
+/// neither goes with an image on trial.
+pub(super) fn begins_or_stores(request: &Request) -> bool {
+    matches!(
+        request,
+        Request::Arm(_)
+            | Request::ArmTogether(_)
+            | Request::RawOpen(_)
+            | Request::SaveConfiguration(_)
+            | Request::ForgetStored(_)
+            | Request::BeginImage(_)
+            | Request::WriteImage(_)
+            | Request::FinishImage(_)
+    )
 }

@@ -132,11 +132,6 @@ impl World {
         self.reset(BootReason::Simulated, "");
     }
 
-    /// The images of the board.
-    pub fn images(&self) -> Option<&ImageSlots> {
-        self.life.images.as_ref()
-    }
-
     /// The storage of the board.
     pub fn storage(&mut self) -> Option<&mut Storage> {
         self.life.storage.as_mut()
