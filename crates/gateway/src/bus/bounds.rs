@@ -77,19 +77,19 @@ impl Bus {
     pub(super) fn bound_beside(&self, bounds: &Bounds, stops: u64, axes: &Axes) -> Duration {
         match self.kind() {
             // F(2k − 1 + m) until it starts, and one F more until it has left; it waits for a reply
-            // that has its id.
+            // that has its id, and may be behind another.
             BusKind::Can => {
                 let replies = bounds.outranking_replies + bounds.further_replies;
-                let wait =
-                    if bounds.shares_ids { self.line_times().stop_delay() } else { Duration::ZERO };
                 let frame = self.frame_time(1);
+                let wait = if bounds.shares_ids {
+                    self.line_times().stop_delay() + frame
+                } else {
+                    Duration::ZERO
+                };
                 // Behind each stop those motors have their say that answer what was for others, and
                 // are waited for.
-                let objections = if self.which(Is::Objecting, axes).is_empty() {
-                    Duration::ZERO
-                } else {
-                    wait + frame
-                };
+                let objections =
+                    if self.which(Is::Objecting, axes).is_empty() { Duration::ZERO } else { wait };
                 let alone =
                     SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies);
                 self.beside_streams(bounds, alone)

@@ -53,7 +53,7 @@ pub(crate) struct Bus {
     /// CAN: when the last frame had left or had come.
     active_at: Instant,
     /// CAN: when it was last known to have been quiet for as long as a motor takes to begin its
-    /// reply.
+    /// reply, and for another frame: no reply that was due before is under way.
     quiet_at: Instant,
     pub raw: Option<Raw>,
     /// It runs otherwise than it is configured, for as long as it is open for raw frames.

@@ -5,6 +5,7 @@ use super::{Bus, InFlight};
 use crate::axes::Axes;
 use crate::axis::{Axis, Is, Priority, Request};
 use crate::protocol;
+use crate::set::Set;
 use crate::time::{Duration, Instant};
 use embedded_can::Id;
 use host_protocol::BusKind;
@@ -347,10 +348,18 @@ impl Bus {
     pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &Axes) -> Instant {
         let since = axis.reply_with_our_id_since().filter(|_| self.kind() == BusKind::Can);
         let Some(since) = since else { return Instant::from_micros(0) };
-        // Another motor's objection may be under way when the bus was quiet for so long, and that
-        // of this one behind it.
-        let behind = if axis.transactions.objects() { self.frame_time(1) } else { Duration::ZERO };
+        // Another motor's reply or objection may have begun when nothing has come for so long, and that
+        // of this one be behind it.
+        let others_reply = !self.which(Is::Awaiting, axes).without(Set::of(axis.index)).is_empty();
+        let behind = if others_reply || axis.transactions.objects() {
+            self.frame_time(1)
+        } else {
+            Duration::ZERO
+        };
         let delay = self.line_times().stop_delay() + behind;
+        if since + delay <= self.quiet_at {
+            return self.quiet_at;
+        }
         let others = self.bit_time(3 * self.longest_frame_bits).times(self.here(axes).len().into());
         (since.max(self.active_at) + delay).min(since + others + delay)
     }

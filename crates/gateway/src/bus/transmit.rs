@@ -296,7 +296,7 @@ impl Bus {
                 None
             }
         };
-        if self.active_at + self.line_times().stop_delay() <= now {
+        if self.active_at + self.line_times().stop_delay() + self.frame_time(1) <= now {
             self.quiet_at = now;
         }
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
