@@ -152,13 +152,14 @@ impl Bus {
         if self == Self::SlowCan { D5_AXES } else { MOST_AXES }
     }
 
-    /// Refresh and state polls of each axis with which they take what the gateway allows, µs.
+    /// Refresh and state polls of each axis with which they take what the gateway allows, µs. Each
+    /// poll reads two things.
     pub(super) fn busy_periods_us(self) -> (u32, u32) {
         match self {
-            Self::Can => (11_500, 11_500),
-            Self::SlowCan => (20_000, 300_000),
-            Self::Rs485 => (125_000, 125_000),
-            Self::FastRs485 => (18_500, 18_500),
+            Self::Can => (17_500, 17_500),
+            Self::SlowCan => (20_000, 620_000),
+            Self::Rs485 => (215_000, 215_000),
+            Self::FastRs485 => (28_000, 28_000),
         }
     }
 
