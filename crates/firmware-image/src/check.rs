@@ -10,7 +10,8 @@ use crate::{CHECKSUM, FirmwareVersion};
 pub enum Wrong {
     /// It is not what was announced: its checksum, its board or its version differ.
     Damaged,
-    /// The running one takes only images that are signed with its key, and this one is not.
+    /// It is to be signed, and is not: with the key of the running one, or where that has none with
+    /// its own.
     NotSigned,
 }
 
@@ -40,9 +41,7 @@ impl Check {
     /// The next bytes of the image.
     pub fn update(&mut self, bytes: &[u8]) {
         self.checksum.update(bytes);
-        if self.key != NO_KEY {
-            self.hash.update(bytes);
-        }
+        self.hash.update(bytes);
         for (at, byte) in (self.length..).zip(bytes) {
             let place = at.checked_sub(HEADER_OFFSET).and_then(|at| self.header.get_mut(at));
             place.into_iter().for_each(|place| *place = *byte);
@@ -50,8 +49,8 @@ impl Check {
         self.length = self.length.saturating_add(bytes.len());
     }
 
-    /// Whether the image is the one that was announced, and signed where it must be. `signature`: 64
-    /// bytes, or none.
+    /// Whether the image is the one that was announced, and signed where it must be: whoever puts a
+    /// key into a board has its other half. `signature`: 64 bytes, or none.
     ///
     /// # Errors
     /// Why it is not taken.
@@ -67,12 +66,13 @@ impl Check {
         if self.checksum.finalize() != checksum || !is_announced {
             return Err(Wrong::Damaged);
         }
-        if self.key == NO_KEY {
+        let key = if self.key == NO_KEY { header.key } else { self.key };
+        if key == NO_KEY {
             return Ok(());
         }
         let digest = self.hash.finalize();
         let signature: &[u8; 64] = signature.try_into().map_err(|_| Wrong::NotSigned)?;
-        let key = PublicKey::try_from(&self.key).map_err(|_| Wrong::NotSigned)?;
+        let key = PublicKey::try_from(&key).map_err(|_| Wrong::NotSigned)?;
         key.verify(&digest, &Signature::from(signature)).map_err(|_| Wrong::NotSigned)
     }
 }

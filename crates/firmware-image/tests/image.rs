@@ -90,8 +90,22 @@ fn the_version_of_a_package_is_read() {
 fn a_whole_image_is_taken_in_pieces_of_any_size() {
     assert_eq!(CHECKSUM.checksum(&image()), IMAGE_CHECKSUM);
     for piece in [1, 7, 32, 128, 768, 4096] {
-        assert_eq!(checked(&image(), piece, NO_KEY, &[]), Ok(()), "{piece}");
+        assert_eq!(checked(&image(), piece, NO_KEY, &SIGNATURE), Ok(()), "{piece}");
         assert_eq!(checked(&image(), piece, KEY, &SIGNATURE), Ok(()), "{piece}");
+    }
+}
+
+/// Who has not the other half of a key puts it into no board.
+#[test]
+fn where_the_running_image_has_no_key_that_of_the_new_one_counts() {
+    assert_eq!(checked(&image(), 64, NO_KEY, &[]), Err(Wrong::NotSigned));
+    assert_eq!(checked(&image(), 64, NO_KEY, &[1; 64]), Err(Wrong::NotSigned));
+    let mut plain = image();
+    plain[HEADER_OFFSET + 32..HEADER_OFFSET + 64].fill(0);
+    for signature in [&[][..], &SIGNATURE] {
+        let mut check = Check::new(NO_KEY);
+        check.update(&plain);
+        assert_eq!(check.finish(BOARD, VERSION, CHECKSUM.checksum(&plain), signature), Ok(()));
     }
 }
 

@@ -462,10 +462,11 @@ errors! {
     128 ImageDamaged {}
         "what was written is not the image that was announced (its checksum, board or version \
         differs): the firmware that runs stays; send it again";
-    /// The image lacks the signature of the key that the firmware carries.
+    /// The image lacks the signature of the key that the firmware carries, or where that has none
+    /// the image.
     129 ImageNotSigned {}
-        "the firmware that runs takes only images signed with its key, and this signature is none: \
-        it stays";
+        "the firmware that runs, or the image, carries a key, and this signature is none of that key: \
+        the firmware stays";
     /// The flash did not take the image.
     130 ImageNotWritten {}
         "the flash did not take the image: the firmware that runs stays; send it again, and replace \

@@ -2,9 +2,10 @@
 //! flash.
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
 
-use firmware_image::{HEADER_OFFSET, Header, KEY_SIZE, UNIT};
+use firmware_image::{HEADER_OFFSET, Header, KEY_SIZE, NO_KEY, UNIT};
 use object::Endianness;
 use object::read::elf::{ElfFile32, ProgramHeader};
 
@@ -16,6 +17,10 @@ const ALIGNMENT: usize = 0x400;
 const ERASED: u8 = 0xFF;
 /// No flash of a board is longer.
 const LONGEST_FLASH: u64 = 8 << 20;
+/// No file of an image is longer, with all that a debugger wants to know.
+const LONGEST_FILE: u64 = 256 << 20;
+/// How a file of text begins that holds a key.
+const PEM: &[u8] = b"-----BEGIN";
 /// What comes before the 32 bytes of an Ed25519 public key in DER (RFC 8410 §4).
 const KEY_PREFIX: [u8; 12] =
     [0x30, 0x2a, 0x30, 0x05, 0x06, 0x03, 0x2b, 0x65, 0x70, 0x03, 0x21, 0x00];
@@ -90,25 +95,39 @@ fn loaded(file: &[u8]) -> Result<Vec<u8>, String> {
 pub fn read_key(path: &Path) -> Result<[u8; KEY_SIZE], Failure> {
     let bytes = read_file(path)?;
     let key = bytes.strip_prefix(&KEY_PREFIX).unwrap_or(&bytes);
-    key.try_into().map_err(|_| {
-        Failure::Usage(format!(
-            "{} is no Ed25519 public key: it has {} bytes, and a key has {KEY_SIZE}, or {} in DER",
-            path.display(),
+    let why = match <[u8; KEY_SIZE]>::try_from(key) {
+        Ok(NO_KEY) => "zeros stand for no key".to_owned(),
+        Ok(key) => return Ok(key),
+        Err(_) if bytes.starts_with(PEM) => {
+            "it is PEM, and DER is wanted: openssl pkey -pubin -outform DER".to_owned()
+        }
+        Err(_) => format!(
+            "it has {} bytes, and a key has {KEY_SIZE}, or {} in DER, which begins otherwise for \
+                other kinds of keys",
             bytes.len(),
             KEY_PREFIX.len() + KEY_SIZE
-        ))
-    })
+        ),
+    };
+    Err(Failure::Usage(format!("{} is no Ed25519 public key: {why}", path.display())))
 }
 
-/// The bytes of a file.
+/// The bytes of a file that may be an image.
 pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
-    fs::read(path).map_err(|source| Failure::File { path: path.display().to_string(), source })
+    let mut bytes = Vec::new();
+    fs::File::open(path)
+        .and_then(|file| file.take(LONGEST_FILE + 1).read_to_end(&mut bytes))
+        .map_err(|source| Failure::File { path: path.display().to_string(), source })?;
+    if bytes.len() as u64 <= LONGEST_FILE {
+        return Ok(bytes);
+    }
+    let text = format!("{} is longer than {} MiB", path.display(), LONGEST_FILE >> 20);
+    Err(Failure::Usage(text))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_image::{FirmwareVersion, HEADER_SIZE, NO_KEY};
+    use firmware_image::{FirmwareVersion, HEADER_SIZE};
 
     const VERSION: FirmwareVersion = FirmwareVersion { major: 1, minor: 2, patch: 3 };
 

@@ -10,14 +10,14 @@ pub struct UpdateArgs {
     /// The firmware: an ELF file, or the bytes of the flash
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
-    /// Its Ed25519 signature of 64 bytes: for a gateway that carries a key
-    #[arg(long, value_name = "FILE", requires = "file")]
+    /// Its Ed25519 signature of 64 bytes: for a gateway that carries a key, or an image that does
+    #[arg(long, value_name = "FILE", conflicts_with = "confirm")]
     pub signature: Option<PathBuf>,
     /// Take an older firmware than the one that runs
-    #[arg(long, requires = "file")]
+    #[arg(long, conflicts_with = "confirm")]
     pub allow_older: bool,
     /// Only say whether the gateway would take it; nothing is sent
-    #[arg(long, requires = "file")]
+    #[arg(long, conflicts_with = "confirm")]
     pub check: bool,
     /// Keep the firmware that runs on trial, after an update that was ended halfway
     #[arg(long)]

@@ -1,51 +1,60 @@
 //! `mgw update`
 
 use std::path::Path;
-use std::thread;
 use std::time::Duration;
 
-use firmware_image::CHECKSUM;
+use firmware_image::{CHECKSUM, Check, NO_KEY};
 use host_protocol::replies::ImageReport;
-use host_protocol::{Error, ImageState, MAX_IMAGE_BYTES, SIGNATURE_SIZE};
-use mgw_client::ClientError;
+use host_protocol::{AxisState, Error, ImageState, MAX_IMAGE_BYTES, Protocol, SIGNATURE_SIZE};
+use mgw_client::{Client, ClientError, Transport};
 use serde_json::json;
 
 use crate::args::UpdateArgs;
 use crate::failure::Failure;
 use crate::image_file::{ImageFile, read_file};
 use crate::session::Session;
+use crate::words;
 
 /// From the start on, for the loader to copy both images and for the gateway to be there again.
 const AWAY: Duration = Duration::from_secs(60);
+/// For as long what stands in the way of a confirmation may go away: the trial is over then.
+const TRIAL: Duration = Duration::from_secs(60);
 /// A clock that is behind by more has begun anew: it stands still for 100 ms at least.
 const CLOCK_ERROR: Duration = Duration::from_millis(50);
 /// Between two looks whether it is there again.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
+/// For as long an axis may be busy for another program, which only reads.
+const BUSY: Duration = Duration::from_secs(5);
 /// Parts of which each is told when it is written.
 const PARTS: usize = 10;
+/// What remains to be done where an update ends before its confirmation.
+const TO_KEEP: &str = "if the new firmware runs on trial, `mgw update --confirm` within 60 s of its \
+    start keeps it; else the one before runs";
 
 /// Sends another firmware, has the gateway run it, and keeps it if it is well.
 pub fn run(session: &mut Session, arguments: &UpdateArgs) -> Result<(), Failure> {
-    let Some(path) = &arguments.file else { return confirm(session) };
+    let Some(path) = &arguments.file else { return confirm(session, true) };
     let image = ImageFile::read(path)?;
     let signature = arguments.signature.as_deref().map(read_signature).transpose()?;
-    let runs = session.client.image()?;
+    let before = session.client.image()?;
     let board = session.client.hello().board.to_string();
-    check(&image, &runs, &board, signature.is_some(), arguments.allow_older)?;
+    check(&image, &before, &board, arguments.allow_older)?;
+    check_signature(session, &image, &before, signature.as_deref())?;
+    check_at_rest(session)?;
     let version = image.header.version;
     if arguments.check {
         return session.out.event(
             "would_be_taken",
-            format!("the gateway would take it: {} instead of {}", version, runs.version),
-            json!({ "version": version.to_string(), "runs": runs.version.to_string() }),
+            format!("the gateway would take it: {} instead of {}", version, before.version),
+            json!({ "version": version.to_string(), "runs": before.version.to_string() }),
         );
     }
-    send(session, &image, &signature.unwrap_or_default(), arguments.allow_older)?;
-    come_back(session)?;
+    send(session, &image, arguments.allow_older)?;
+    let is_taken = start_anew(session, &signature.unwrap_or_default())?;
     let runs = session.client.image()?;
     match runs.state {
-        ImageState::OnTrial { .. } if runs.version == version => confirm(session),
-        ImageState::RolledBack => Err(rolled_back(&runs)),
+        ImageState::OnTrial { .. } if runs.version == version => keep(session),
+        ImageState::RolledBack if is_taken || before.state != runs.state => Err(rolled_back(&runs)),
         _ => Err(Failure::Update {
             name: "NotUpdated",
             text: format!("version {} runs after the start, and not the new one", runs.version),
@@ -57,8 +66,7 @@ fn rolled_back(runs: &ImageReport) -> Failure {
     Failure::Update {
         name: "RolledBack",
         text: format!(
-            "the new firmware was not confirmed in its time, or did not come up: version {} runs \
-                again; see mgw trips",
+            "the new firmware was not confirmed in its time, or did not come up: version {} runs again",
             runs.version
         ),
     }
@@ -69,7 +77,6 @@ fn check(
     image: &ImageFile,
     runs: &ImageReport,
     board: &str,
-    is_signed: bool,
     allow_older: bool,
 ) -> Result<(), Failure> {
     let header = &image.header;
@@ -102,15 +109,79 @@ fn check(
             ),
         );
     }
-    if runs.needs_signature && !is_signed {
-        return refused(
-            Error::ImageNotSigned {},
-            "the gateway carries a key and takes only signed images: --signature FILE \
-                (docs/update.md)"
-                .to_owned(),
-        );
+    if matches!(runs.state, ImageState::OnTrial { .. }) {
+        return Err(ClientError::Gateway(Error::ImageOnTrial {}).into());
     }
     Ok(())
+}
+
+/// What carries a key, or is for a gateway that does, must be signed.
+fn check_signature(
+    session: &Session,
+    image: &ImageFile,
+    runs: &ImageReport,
+    signature: Option<&[u8]>,
+) -> Result<(), Failure> {
+    let refused = |text: &str| {
+        let text = format!("{text} (docs/update.md)");
+        Err(Failure::Explained { error: Error::ImageNotSigned {}, text })
+    };
+    let header = &image.header;
+    match signature {
+        None if runs.needs_signature => {
+            refused("the gateway carries a key and takes only signed images: --signature FILE")
+        }
+        None if header.has_key() => refused(
+            "the image carries a key, and must be signed with its other half: --signature FILE",
+        ),
+        None => Ok(()),
+        Some(_) if runs.needs_signature => session.out.event(
+            "signature_unknown",
+            "the gateway alone knows its key: it looks at the signature when all is written",
+            json!({}),
+        ),
+        Some(_) if !header.has_key() => session.out.event(
+            "signature_unused",
+            "nobody looks at the signature: neither the gateway nor the image carries a key",
+            json!({}),
+        ),
+        Some(signature) => {
+            let mut check = Check::new(NO_KEY);
+            check.update(&image.bytes);
+            let checksum = CHECKSUM.checksum(&image.bytes);
+            match check.finish(header.board(), header.version, checksum, signature) {
+                Ok(()) => Ok(()),
+                Err(_) => refused(
+                    "the signature is none of this image by the other half of the key that it carries",
+                ),
+            }
+        }
+    }
+}
+
+/// The gateway says so of one axis; this names all.
+fn check_at_rest(session: &mut Session) -> Result<(), Failure> {
+    // An RMD holds by what the gateway sends.
+    let rests = |state, protocol| {
+        matches!(state, AxisState::Unconfigured | AxisState::Idle)
+            || state == AxisState::Holding && protocol != Some(Protocol::Rmd)
+    };
+    let axes = session.client.list_axes()?;
+    let mut moving = axes.iter().filter(|axis| !rests(axis.state, axis.protocol));
+    let Some(first) = moving.next() else { return Ok(()) };
+    let error = Error::NotIdle { axis: first.axis, state: first.state };
+    let named: Vec<String> = [first]
+        .into_iter()
+        .chain(moving)
+        .map(|axis| format!("axis {} ({})", axis.axis, words::axis_state(axis.state)))
+        .collect();
+    let text = format!(
+        "every axis must be at rest, and {} {} not: `mgw stop` stops, `mgw clear` ends a trip or an \
+            e-stop, and then `mgw output-off AXIS` lets an RMD go that holds",
+        named.join(", "),
+        if named.len() == 1 { "is" } else { "are" },
+    );
+    Err(Failure::Explained { error, text })
 }
 
 fn read_signature(path: &Path) -> Result<Vec<u8>, Failure> {
@@ -125,21 +196,18 @@ fn read_signature(path: &Path) -> Result<Vec<u8>, Failure> {
     )))
 }
 
-fn send(
-    session: &mut Session,
-    image: &ImageFile,
-    signature: &[u8],
-    allow_older: bool,
-) -> Result<(), Failure> {
+fn send(session: &mut Session, image: &ImageFile, allow_older: bool) -> Result<(), Failure> {
     let ImageFile { header, bytes } = image;
     let length = bytes.len();
     let announced = u32::try_from(length).unwrap_or(u32::MAX);
     let checksum = CHECKSUM.checksum(bytes);
     let (client, out) = (&mut session.client, session.out);
-    client.begin_image(header.board(), header.version, announced, checksum, allow_older)?;
+    while_busy(client, |client| {
+        client.begin_image(header.board(), header.version, announced, checksum, allow_older)
+    })?;
     let mut told = 0;
     for (offset, part) in (0u32..).step_by(MAX_IMAGE_BYTES).zip(bytes.chunks(MAX_IMAGE_BYTES)) {
-        client.write_image(offset, part)?;
+        while_busy(client, |client| client.write_image(offset, part)).map_err(ended)?;
         let written = offset as usize + part.len();
         if written * PARTS / length > told {
             told = written * PARTS / length;
@@ -150,60 +218,161 @@ fn send(
             )?;
         }
     }
-    match client.finish_image(signature) {
-        Ok(()) => {}
-        // Its answer may be lost, as it starts anew soon after.
-        Err(ClientError::NoAnswer { .. } | ClientError::Transport(_)) => {}
-        Err(error) => return Err(error.into()),
-    }
-    out.event("restarting", "checked   it starts anew, which takes about 15 s", json!({}))
+    Ok(())
 }
 
-/// Waits for the gateway after its start, which its clock tells.
-fn come_back(session: &mut Session) -> Result<(), Failure> {
-    let client = &mut session.client;
+/// Why the image could not be written to its end.
+fn ended(error: ClientError) -> Failure {
+    let text = match error {
+        ClientError::Gateway(Error::ImageGap { .. } | Error::ImageIncomplete { .. }) => {
+            "the gateway has started anew, or another program has begun an update".to_owned()
+        }
+        ClientError::Gateway(Error::NotIdle { axis, state }) => {
+            format!("axis {axis} is {} now, and was at rest", words::axis_state(state))
+        }
+        error => return error.into(),
+    };
+    let ClientError::Gateway(error) = error else { return error.into() };
+    let text =
+        format!("{text}: the update has ended, and the firmware is as before. Send it again");
+    Failure::Explained { error, text }
+}
+
+/// Asks again while an axis carries something out for another program.
+fn while_busy<T: Transport>(
+    client: &mut Client<T>,
+    mut ask: impl FnMut(&mut Client<T>) -> Result<(), ClientError>,
+) -> Result<(), ClientError> {
+    let end = client.now() + BUSY;
+    loop {
+        match ask(client) {
+            Err(ClientError::Gateway(Error::Busy { .. })) if client.now() < end => {
+                client.pause(BUSY / 100)?;
+            }
+            result => return result,
+        }
+    }
+}
+
+/// Has the image checked and run, and waits for the gateway after its start, which its clock tells.
+/// Where request or answer are lost, and it has not started, it is asked again. Returns whether it
+/// said that it would.
+fn start_anew(session: &mut Session, signature: &[u8]) -> Result<bool, Failure> {
+    let (client, out) = (&mut session.client, session.out);
     let (asked, end) = (client.now(), client.now() + AWAY);
     let before = Duration::from_micros(client.gateway_now_us());
+    let (mut asks, mut is_taken) = (true, false);
     loop {
-        if client.pause(LOOK_AGAIN).is_err() {
+        if std::mem::take(&mut asks) {
+            match while_busy(client, |client| client.finish_image(signature)) {
+                Ok(()) | Err(ClientError::Gateway(Error::Restarting {})) => {
+                    is_taken = true;
+                    let text = "checked   it starts anew, which takes about 15 s";
+                    out.event("restarting", text, json!({}))?;
+                }
+                // Its start tells, or that there is none. What is repeated may come while the first
+                // is carried out, or after the start.
+                Err(
+                    ClientError::NoAnswer { .. }
+                    | ClientError::Transport(_)
+                    | ClientError::Gateway(Error::Saving {} | Error::ImageOnTrial {}),
+                ) => {}
+                Err(error) => return Err(ended(error)),
+            }
+        }
+        match client.pause(LOOK_AGAIN) {
+            Ok(()) => {}
+            Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
             // Its port is gone, so its transport waits for nothing.
-            thread::sleep(LOOK_AGAIN);
+            Err(_) => client.pause_unconnected(LOOK_AGAIN),
         }
         let cause = match client.reconnect() {
             Ok(()) => {
                 let goes_on = before + (client.now() - asked);
                 let shows = Duration::from_micros(client.hello().time_us);
                 if shows + CLOCK_ERROR < goes_on {
-                    return Ok(());
+                    return Ok(is_taken);
                 }
+                asks = !is_taken;
                 None
             }
-            Err(
-                error @ (ClientError::Interrupted { .. }
-                | ClientError::Gateway(Error::UnsupportedVersion { .. })),
-            ) => return Err(error.into()),
+            Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
+            Err(error @ ClientError::Gateway(Error::UnsupportedVersion { .. })) => {
+                return Err(error.into());
+            }
             Err(error) => Some(error),
         };
         if client.now() >= end {
             return Err(match cause {
-                Some(error) => error.into(),
-                None => Failure::Update {
+                Some(error) => unconfirmed(&error),
+                None if is_taken => Failure::Update {
                     name: "NotRestarted",
                     text: "the gateway was told to start anew and has not; switch it off and on"
                         .to_owned(),
+                },
+                None => Failure::Update {
+                    name: "NotUpdated",
+                    text:
+                        "the gateway does not answer the request to check the image, and has not \
+                        started anew: the firmware is as before. Send it again"
+                            .to_owned(),
                 },
             });
         }
     }
 }
 
-/// Keeps the firmware that runs on trial, unless it is not well.
-fn confirm(session: &mut Session) -> Result<(), Failure> {
+fn unconfirmed(error: &ClientError) -> Failure {
+    Failure::Update { name: "NotConfirmed", text: format!("{error}. As for the update: {TO_KEEP}") }
+}
+
+/// Keeps the firmware that runs on trial. What stands in the way is tried again as long as the
+/// trial lasts.
+fn keep(session: &mut Session) -> Result<(), Failure> {
+    let end = session.client.now() + TRIAL;
+    loop {
+        let error = match confirm(session, false) {
+            Err(Failure::Client(error)) => error,
+            result => return result,
+        };
+        let client = &mut session.client;
+        let may_pass = matches!(
+            error,
+            ClientError::NoAnswer { .. }
+                | ClientError::Transport(_)
+                | ClientError::Connect(_)
+                | ClientError::LinksTaken
+                | ClientError::Gateway(
+                    Error::NotInCommand { .. } | Error::NobodyInCommand {} | Error::Saving {}
+                )
+        );
+        if !may_pass || client.now() >= end {
+            return Err(unconfirmed(&error));
+        }
+        match client.pause(LOOK_AGAIN) {
+            Ok(()) => {}
+            Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
+            Err(_) => client.pause_unconnected(LOOK_AGAIN),
+        }
+        if !matches!(error, ClientError::Gateway(_)) {
+            // Where that fails the next confirmation does as well, and says why.
+            let _ = client.reconnect();
+        }
+    }
+}
+
+/// Keeps the firmware that runs on trial, unless it is not well. `by_hand`: not after an update, of
+/// which an answer may have been lost.
+fn confirm(session: &mut Session, by_hand: bool) -> Result<(), Failure> {
     let runs = session.client.image()?;
+    let version = json!({ "version": runs.version.to_string() });
     let status = session.client.gateway_status()?;
     match runs.state {
         ImageState::RolledBack => return Err(rolled_back(&runs)),
-        // An answer may have been lost.
+        ImageState::Kept if by_hand => {
+            let text = format!("version {} runs and is kept: nothing is on trial", runs.version);
+            return session.out.event("nothing_on_trial", text, version);
+        }
         ImageState::Kept => {}
         ImageState::OnTrial { .. } if status.memory_damaged || !status.random_number => {
             return Err(Failure::Update {
@@ -216,9 +385,6 @@ fn confirm(session: &mut Session) -> Result<(), Failure> {
         }
         ImageState::OnTrial { .. } => session.client.confirm_image()?,
     }
-    session.out.event(
-        "confirmed",
-        format!("confirmed version {} runs, and is kept", runs.version),
-        json!({ "version": runs.version.to_string() }),
-    )
+    let text = format!("confirmed version {} runs, and is kept", runs.version);
+    session.out.event("confirmed", text, version)
 }

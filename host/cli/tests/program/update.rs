@@ -118,6 +118,8 @@ fn what_no_gateway_would_take_is_refused_before_anything_is_sent() {
     let long = files.put("long", &image(&header(2, "simulated", NO_KEY), &vec![0; 512 << 10]));
     let none = files.put("none", &bytes[1..]);
     let short = files.put("short.sig", &[0; 63]);
+    // It holds from then on.
+    sim.mgw_once_in_command(&["arm", "0", "--for", "0.1"]).success();
     for (arguments, code, expected) in [
         (
             &["update", &other][..],
@@ -130,10 +132,16 @@ fn what_no_gateway_would_take_is_refused_before_anything_is_sent() {
         (&["update", "no-such-file"], 1, "no-such-file"),
         (&["update"], 2, "required"),
         (&["update", &file, "--confirm"], 2, "cannot be used with"),
+        (&["update", "--confirm", "--check"], 2, "cannot be used with"),
+        (&["update", "--confirm", "--allow-older"], 2, "cannot be used with"),
+        (&["update", "--confirm", "--signature", &short], 2, "cannot be used with"),
+        (&["update", &file, "--check"], 1, "axis 0 (holding) is not"),
+        (&["update", "/dev/zero"], 2, "/dev/zero is longer than 256 MiB"),
     ] {
         let text = sim.mgw(arguments).failure(code);
         assert!(text.contains(expected), "{arguments:?}: {text}");
     }
+    let_go(&sim);
     let text = sim.mgw(&["update", &file, "--check"]).success();
     assert_eq!(text, "the gateway would take it: 0.2.0 instead of 0.1.0\n");
     assert_eq!(runs(&sim), kept("0.1.0", false));
@@ -156,7 +164,27 @@ fn a_gateway_with_a_key_takes_only_what_is_signed() {
     assert_eq!(fs::read(&keyed).unwrap(), fs::read(&same).unwrap());
     let text_of = mgw(&["image", &plain, "--output", &same, "--key", &plain]).failure(2);
     assert!(text_of.contains("is no Ed25519 public key"), "{text_of}");
-    update(&sim, &[&keyed]).success();
+    let zeros = files.put("zeros.key", &[0; 32]);
+    let text_of = mgw(&["image", &plain, "--output", &same, "--key", &zeros]).failure(2);
+    assert!(text_of.contains("zeros stand for no key"), "{text_of}");
+    let pem = files.put("key.pem", b"-----BEGIN PUBLIC KEY-----\n");
+    let text_of = mgw(&["image", &plain, "--output", &same, "--key", &pem]).failure(2);
+    assert!(text_of.contains("it is PEM, and DER is wanted"), "{text_of}");
+    // Whoever puts a key into a board has its other half.
+    let signed = |name: &str, bytes: &[u8]| {
+        let mut hash = Sha512::new();
+        hash.update(bytes);
+        files.put(name, &pair.sign(&hash.finalize()).to_bytes())
+    };
+    let text = sim.mgw(&["update", &keyed]).failure(1);
+    assert!(text.contains("must be signed with its other half"), "{text}");
+    let other = signed("other.sig", b"another image");
+    let text = sim.mgw(&["update", &keyed, "--signature", &other]).failure(1);
+    assert!(text.contains("the signature is none of this image"), "{text}");
+    let signature = signed("keyed.sig", &fs::read(&keyed).unwrap());
+    let told = update(&sim, &[&plain, "--signature", &signature, "--check"]).success();
+    assert!(told.starts_with("nobody looks at the signature"), "{told}");
+    update(&sim, &[&keyed, "--signature", &signature]).success();
     assert_eq!(runs(&sim), kept("0.2.0", true));
 
     let (next, bytes) = files.image(3, key);
@@ -164,12 +192,11 @@ fn a_gateway_with_a_key_takes_only_what_is_signed() {
     assert!(text.contains("takes only signed images: --signature FILE"), "{text}");
     let forged = files.put("forged.sig", &[9; 64]);
     let text = update(&sim, &[&next, "--signature", &forged]).failure(1);
-    assert!(text.contains("this signature is none"), "{text}");
+    assert!(text.contains("this signature is none of that key"), "{text}");
     assert_eq!(runs(&sim), kept("0.2.0", true));
-    let mut hash = Sha512::new();
-    hash.update(&bytes);
-    let signature = files.put("good.sig", &pair.sign(&hash.finalize()).to_bytes());
-    update(&sim, &[&next, "--signature", &signature]).success();
+    let signature = signed("good.sig", &bytes);
+    let told = update(&sim, &[&next, "--signature", &signature]).success();
+    assert!(told.starts_with("the gateway alone knows its key"), "{told}");
     assert_eq!(runs(&sim), kept("0.3.0", true));
 }
 
@@ -185,6 +212,24 @@ fn an_update_that_is_killed_halfway_changes_nothing() {
     assert_eq!(runs(&sim), kept("0.1.0", false));
     update(&sim, &[&file]).success();
     assert_eq!(runs(&sim), kept("0.2.0", false));
+    let text = sim.mgw(&["update", "--confirm"]).success();
+    assert_eq!(text, "version 0.2.0 runs and is kept: nothing is on trial\n");
+}
+
+/// A command that only reads has axes carry something out for it, beside which nothing is written.
+#[test]
+fn an_update_goes_on_while_another_program_reads() {
+    let (sim, files) = (Sim::start(), Files::new("read"));
+    let file = files.put("long.bin", &image(&header(2, "simulated", NO_KEY), &vec![1; 100_000]));
+    let_go(&sim);
+    let update = Process::start(&["--port", &sim.port, "update", &file]);
+    update.wait_for("a part", |line| line.starts_with("written").then_some(()));
+    for _ in 0..3 {
+        sim.mgw(&["state"]).success();
+    }
+    let is_confirmed = |line: &str| line.starts_with("confirmed").then_some(());
+    update.wait_for("its end", is_confirmed);
+    assert_eq!(runs(&sim), kept("0.2.0", false));
 }
 
 #[test]
@@ -193,7 +238,7 @@ fn nothing_is_sent_while_an_axis_is_armed() {
     let (file, _) = files.image(2, NO_KEY);
     sim.mgw_beside(&["arm", "0", "--for", "2"], "0", &["armed"], || {
         let text = sim.mgw(&["update", &file]).failure(1);
-        assert!(text.contains("in command"), "{text}");
+        assert!(text.contains("axis 0 (armed) is not"), "{text}");
     });
     assert_eq!(runs(&sim), kept("0.1.0", false));
 }

@@ -197,6 +197,11 @@ impl<T: Transport> Client<T> {
         self.pass_time(until)
     }
 
+    /// Lets time pass where the connection has failed, and so nothing is heard or sent.
+    pub fn pause_unconnected(&mut self, duration: Duration) {
+        self.transport.sleep(duration);
+    }
+
     /// The first time that the interrupt is seen: stops, before anything else is written. Later:
     /// refuses what moves.
     pub(crate) fn heed_interrupt(&mut self, number: u16) -> Result<(), ClientError> {

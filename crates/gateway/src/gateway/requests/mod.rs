@@ -60,11 +60,12 @@ impl Gateway {
     /// Executes a request and answers it, or has a job do so; not if it fails.
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
         cycle::check_body(request)?;
+        // What is refused whoever asks takes no authority.
+        self.refuse_for_image(request)?;
+        self.refuse_while_saving(request)?;
         if needs_authority(request) {
             self.authority.take(now, ticket)?;
         }
-        self.refuse_for_image(request)?;
-        self.refuse_while_saving(request)?;
         let done = replies::Done {};
         let reply = match request {
             Request::Hello(hello) => Reply::Hello(self.hello(now, ticket, hello)?),
