@@ -19,8 +19,8 @@ const ERASED: u8 = 0xFF;
 const LONGEST_FLASH: u64 = 8 << 20;
 /// No file of an image is longer, with all that a debugger wants to know.
 const LONGEST_FILE: u64 = 256 << 20;
-/// How a file of text begins that holds a key.
-const PEM: &[u8] = b"-----BEGIN";
+/// How a file of text begins that holds a public key.
+const PEM: &[u8] = b"-----BEGIN PUBLIC KEY";
 /// What comes before the 32 bytes of an Ed25519 public key in DER (RFC 8410 §4).
 const KEY_PREFIX: [u8; 12] =
     [0x30, 0x2a, 0x30, 0x05, 0x06, 0x03, 0x2b, 0x65, 0x70, 0x03, 0x21, 0x00];

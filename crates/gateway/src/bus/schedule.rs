@@ -288,7 +288,7 @@ impl Bus {
         }
     }
 
-    fn nothing_in_flight(&self) -> bool {
+    pub(super) fn nothing_in_flight(&self) -> bool {
         self.in_flight.iter().all(Option::is_none)
     }
 
@@ -350,18 +350,17 @@ impl Bus {
         let Some(since) = since else { return Instant::from_micros(0) };
         // Another motor's reply or objection may have begun when nothing has come for so long, and that
         // of this one be behind it.
-        let others_reply = !self.which(Is::Awaiting, axes).without(Set::of(axis.index)).is_empty();
-        let behind = if others_reply || axis.transactions.objects() {
-            self.frame_time(1)
-        } else {
-            Duration::ZERO
-        };
+        let objects = axis.transactions.objects();
+        let others = self.which(Is::OwedOurId, axes).without(Set::of(axis.index));
+        let behind =
+            if !others.is_empty() || objects { self.frame_time(1) } else { Duration::ZERO };
         let delay = self.line_times().stop_delay() + behind;
-        if since + delay <= self.quiet_at {
+        // It has missed its turn, unless it objects to what has left since.
+        if since + delay <= self.quiet_at && !objects {
             return self.quiet_at;
         }
-        let others = self.bit_time(3 * self.longest_frame_bits).times(self.here(axes).len().into());
-        (since.max(self.active_at) + delay).min(since + others + delay)
+        let all = self.bit_time(3 * self.longest_frame_bits).times(self.here(axes).len().into());
+        (since.max(self.active_at) + delay).min(since + all + delay)
     }
 
     /// Whether a reply with the id of its request may be waiting behind lower ids: what we sent now

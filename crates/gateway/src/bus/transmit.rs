@@ -296,7 +296,9 @@ impl Bus {
                 None
             }
         };
-        if self.active_at + self.line_times().stop_delay() + self.frame_time(1) <= now {
+        let quiet_for = self.line_times().stop_delay() + self.frame_time(1);
+        // A frame that has not left may be colliding all the time.
+        if self.nothing_in_flight() && self.active_at + quiet_for <= now {
             self.quiet_at = now;
         }
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use firmware_image::{CHECKSUM, Check, NO_KEY};
+use firmware_image::{CHECKSUM, Check, FirmwareVersion, NO_KEY};
 use host_protocol::replies::ImageReport;
 use host_protocol::{AxisState, Error, ImageState, MAX_IMAGE_BYTES, Protocol, SIGNATURE_SIZE};
 use mgw_client::{Client, ClientError, Transport};
@@ -33,7 +33,7 @@ const TO_KEEP: &str = "if the new firmware runs on trial, `mgw update --confirm`
 
 /// Sends another firmware, has the gateway run it, and keeps it if it is well.
 pub fn run(session: &mut Session, arguments: &UpdateArgs) -> Result<(), Failure> {
-    let Some(path) = &arguments.file else { return confirm(session, true) };
+    let Some(path) = &arguments.file else { return confirm(session) };
     let image = ImageFile::read(path)?;
     let signature = arguments.signature.as_deref().map(read_signature).transpose()?;
     let before = session.client.image()?;
@@ -51,15 +51,17 @@ pub fn run(session: &mut Session, arguments: &UpdateArgs) -> Result<(), Failure>
     }
     send(session, &image, arguments.allow_older)?;
     let is_taken = start_anew(session, &signature.unwrap_or_default())?;
-    let runs = session.client.image()?;
-    match runs.state {
-        ImageState::OnTrial { .. } if runs.version == version => keep(session),
-        ImageState::RolledBack if is_taken || before.state != runs.state => Err(rolled_back(&runs)),
-        _ => Err(Failure::Update {
-            name: "NotUpdated",
-            text: format!("version {} runs after the start, and not the new one", runs.version),
-        }),
-    }
+    keep(session, &Update { before, version, is_taken })
+}
+
+/// An update whose image is to run.
+struct Update {
+    /// What ran before.
+    before: ImageReport,
+    /// Of the image that was sent.
+    version: FirmwareVersion,
+    /// The gateway said that it would start with it.
+    is_taken: bool,
 }
 
 fn rolled_back(runs: &ImageReport) -> Failure {
@@ -211,11 +213,12 @@ fn send(session: &mut Session, image: &ImageFile, allow_older: bool) -> Result<(
         let written = offset as usize + part.len();
         if written * PARTS / length > told {
             told = written * PARTS / length;
-            out.event(
+            // The update goes on where nobody reads this.
+            let _ = out.event(
                 "written",
                 format!("written   {written} of {length} bytes"),
                 json!({ "bytes": written, "of_bytes": length }),
-            )?;
+            );
         }
     }
     Ok(())
@@ -223,19 +226,37 @@ fn send(session: &mut Session, image: &ImageFile, allow_older: bool) -> Result<(
 
 /// Why the image could not be written to its end.
 fn ended(error: ClientError) -> Failure {
+    let ClientError::Gateway(error) = error else { return error.into() };
     let text = match error {
-        ClientError::Gateway(Error::ImageGap { .. } | Error::ImageIncomplete { .. }) => {
+        Error::ImageGap { .. } | Error::ImageIncomplete { .. } => {
             "the gateway has started anew, or another program has begun an update".to_owned()
         }
-        ClientError::Gateway(Error::NotIdle { axis, state }) => {
+        Error::NotIdle { axis, state } => {
             format!("axis {axis} is {} now, and was at rest", words::axis_state(state))
         }
-        error => return error.into(),
+        error => error.to_string(),
     };
-    let ClientError::Gateway(error) = error else { return error.into() };
     let text =
-        format!("{text}: the update has ended, and the firmware is as before. Send it again");
+        format!("{text}. The update has ended, and the firmware is as before: send it again");
     Failure::Explained { error, text }
+}
+
+/// Whether what went wrong may be over in a moment.
+fn may_pass(error: &ClientError) -> bool {
+    matches!(
+        error,
+        ClientError::NoAnswer { .. }
+            | ClientError::Transport(_)
+            | ClientError::Connect(_)
+            | ClientError::LinksTaken
+            | ClientError::Gateway(
+                Error::NotInCommand { .. }
+                    | Error::NobodyInCommand {}
+                    | Error::Saving {}
+                    | Error::GatewayAway {}
+                    | Error::NoSession {}
+            )
+    )
 }
 
 /// Asks again while an axis carries something out for another program.
@@ -259,101 +280,105 @@ fn while_busy<T: Transport>(
 /// said that it would.
 fn start_anew(session: &mut Session, signature: &[u8]) -> Result<bool, Failure> {
     let (client, out) = (&mut session.client, session.out);
-    let (asked, end) = (client.now(), client.now() + AWAY);
+    let asked = client.now();
     let before = Duration::from_micros(client.gateway_now_us());
-    let (mut asks, mut is_taken) = (true, false);
+    let mut end = asked + AWAY;
+    let (mut asks, mut is_taken, mut refused) = (true, false, None);
     loop {
         if std::mem::take(&mut asks) {
             match while_busy(client, |client| client.finish_image(signature)) {
                 Ok(()) | Err(ClientError::Gateway(Error::Restarting {})) => {
-                    is_taken = true;
+                    (is_taken, end) = (true, client.now() + AWAY);
                     let text = "checked   it starts anew, which takes about 15 s";
-                    out.event("restarting", text, json!({}))?;
+                    let _ = out.event("restarting", text, json!({}));
                 }
-                // Its start tells, or that there is none. What is repeated may come while the first
-                // is carried out, or after the start.
-                Err(
-                    ClientError::NoAnswer { .. }
-                    | ClientError::Transport(_)
-                    | ClientError::Gateway(Error::Saving {} | Error::ImageOnTrial {}),
-                ) => {}
+                // A repeated request may come after the start, which is told below.
+                Err(ClientError::Gateway(Error::ImageOnTrial {})) => {}
+                Err(error) if may_pass(&error) => refused = Some(error),
+                Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
+                Err(ClientError::Gateway(error @ Error::ImageIncomplete { .. }))
+                    if refused.is_some() =>
+                {
+                    let text = "the gateway has not taken the image, and its reason was lost with the \
+                        connection. The firmware is as before: send it again";
+                    return Err(Failure::Explained { error, text: text.to_owned() });
+                }
                 Err(error) => return Err(ended(error)),
             }
         }
-        match client.pause(LOOK_AGAIN) {
-            Ok(()) => {}
-            Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
-            // Its port is gone, so its transport waits for nothing.
-            Err(_) => client.pause_unconnected(LOOK_AGAIN),
-        }
+        wait(client)?;
         let cause = match client.reconnect() {
             Ok(()) => {
                 let goes_on = before + (client.now() - asked);
-                let shows = Duration::from_micros(client.hello().time_us);
-                if shows + CLOCK_ERROR < goes_on {
+                let shows = Duration::from_micros(client.gateway_now_us());
+                if shows + client.clock_uncertainty() + CLOCK_ERROR < goes_on {
                     return Ok(is_taken);
                 }
                 asks = !is_taken;
                 None
             }
             Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
-            Err(error @ ClientError::Gateway(Error::UnsupportedVersion { .. })) => {
-                return Err(error.into());
+            Err(error @ ClientError::Incompatible { .. }) => {
+                return Err(Failure::Update {
+                    name: "Incompatible",
+                    text: format!(
+                        "{error}. So the new firmware is not kept, and the one before runs again \
+                            within 60 s"
+                    ),
+                });
             }
             Err(error) => Some(error),
         };
         if client.now() >= end {
-            return Err(match cause {
-                Some(error) => unconfirmed(&error),
-                None if is_taken => Failure::Update {
+            return Err(match cause.or(refused) {
+                Some(error) if is_taken => unconfirmed(&error),
+                Some(error) => Failure::Update {
+                    name: "NotUpdated",
+                    text: format!(
+                        "{error}. Whether the gateway took the image is not known: {TO_KEEP}"
+                    ),
+                },
+                None => Failure::Update {
                     name: "NotRestarted",
                     text: "the gateway was told to start anew and has not; switch it off and on"
                         .to_owned(),
-                },
-                None => Failure::Update {
-                    name: "NotUpdated",
-                    text:
-                        "the gateway does not answer the request to check the image, and has not \
-                        started anew: the firmware is as before. Send it again"
-                            .to_owned(),
                 },
             });
         }
     }
 }
 
+/// Lets time pass before the next try, with a connection or without.
+fn wait<T: Transport>(client: &mut Client<T>) -> Result<(), Failure> {
+    match client.pause(LOOK_AGAIN) {
+        Ok(()) => {}
+        Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
+        Err(_) => client.pause_unconnected(LOOK_AGAIN),
+    }
+    Ok(())
+}
+
 fn unconfirmed(error: &ClientError) -> Failure {
     Failure::Update { name: "NotConfirmed", text: format!("{error}. As for the update: {TO_KEEP}") }
 }
 
-/// Keeps the firmware that runs on trial. What stands in the way is tried again as long as the
-/// trial lasts.
-fn keep(session: &mut Session) -> Result<(), Failure> {
+/// Keeps the firmware of an update. What stands in the way is tried again as long as the trial
+/// lasts.
+fn keep(session: &mut Session, update: &Update) -> Result<(), Failure> {
     let end = session.client.now() + TRIAL;
+    let mut asked = false;
     loop {
-        let error = match confirm(session, false) {
+        let error = match confirm_update(session, update, &mut asked) {
             Err(Failure::Client(error)) => error,
             result => return result,
         };
+        let may_pass =
+            may_pass(&error) || matches!(error, ClientError::Gateway(Error::NoImageOnTrial {}));
         let client = &mut session.client;
-        let may_pass = matches!(
-            error,
-            ClientError::NoAnswer { .. }
-                | ClientError::Transport(_)
-                | ClientError::Connect(_)
-                | ClientError::LinksTaken
-                | ClientError::Gateway(
-                    Error::NotInCommand { .. } | Error::NobodyInCommand {} | Error::Saving {}
-                )
-        );
         if !may_pass || client.now() >= end {
             return Err(unconfirmed(&error));
         }
-        match client.pause(LOOK_AGAIN) {
-            Ok(()) => {}
-            Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
-            Err(_) => client.pause_unconnected(LOOK_AGAIN),
-        }
+        wait(client)?;
         if !matches!(error, ClientError::Gateway(_)) {
             // Where that fails the next confirmation does as well, and says why.
             let _ = client.reconnect();
@@ -361,30 +386,69 @@ fn keep(session: &mut Session) -> Result<(), Failure> {
     }
 }
 
-/// Keeps the firmware that runs on trial, unless it is not well. `by_hand`: not after an update, of
-/// which an answer may have been lost.
-fn confirm(session: &mut Session, by_hand: bool) -> Result<(), Failure> {
+/// Keeps the firmware of an update if it runs on trial and is well. `asked`: it was asked for
+/// before, and the answer may have been lost.
+fn confirm_update(session: &mut Session, update: &Update, asked: &mut bool) -> Result<(), Failure> {
+    let Update { before, version, is_taken } = update;
     let runs = session.client.image()?;
-    let version = json!({ "version": runs.version.to_string() });
-    let status = session.client.gateway_status()?;
+    let is_new = runs.version == *version;
     match runs.state {
-        ImageState::RolledBack => return Err(rolled_back(&runs)),
-        ImageState::Kept if by_hand => {
-            let text = format!("version {} runs and is kept: nothing is on trial", runs.version);
-            return session.out.event("nothing_on_trial", text, version);
+        ImageState::OnTrial { .. } if is_new => {
+            check_self_test(session)?;
+            *asked = true;
+            session.client.confirm_image()?;
         }
-        ImageState::Kept => {}
-        ImageState::OnTrial { .. } if status.memory_damaged || !status.random_number => {
+        ImageState::RolledBack if *is_taken || before.state != runs.state => {
+            return Err(rolled_back(&runs));
+        }
+        // Somebody else may have confirmed it.
+        ImageState::Kept if is_new && (*asked || before.version != *version) => {}
+        _ => {
             return Err(Failure::Update {
-                name: "SelfTest",
-                text:
-                    "the new firmware does not pass its self-test (mgw info), so it is not kept: \
-                    the one before runs again within 60 s"
-                        .to_owned(),
+                name: "NotUpdated",
+                text: format!("version {} runs after the start, and not the new one", runs.version),
             });
         }
-        ImageState::OnTrial { .. } => session.client.confirm_image()?,
     }
-    let text = format!("confirmed version {} runs, and is kept", runs.version);
-    session.out.event("confirmed", text, version)
+    tell_confirmed(session, &runs)
+}
+
+/// `mgw update --confirm`
+fn confirm(session: &mut Session) -> Result<(), Failure> {
+    let runs = session.client.image()?;
+    match runs.state {
+        ImageState::RolledBack => Err(rolled_back(&runs)),
+        ImageState::Kept => session.out.event(
+            "nothing_on_trial",
+            format!("version {} runs and is kept: nothing is on trial", runs.version),
+            json!({ "version": runs.version.to_string() }),
+        ),
+        ImageState::OnTrial { .. } => {
+            check_self_test(session)?;
+            session.client.confirm_image()?;
+            tell_confirmed(session, &runs)
+        }
+    }
+}
+
+fn check_self_test(session: &mut Session) -> Result<(), Failure> {
+    let status = session.client.gateway_status()?;
+    if !status.memory_damaged && status.random_number {
+        return Ok(());
+    }
+    Err(Failure::Update {
+        name: "SelfTest",
+        text:
+            "the new firmware does not pass its self-test (mgw info), so it is not kept: the one \
+            before runs again within 60 s"
+                .to_owned(),
+    })
+}
+
+fn tell_confirmed(session: &Session, runs: &ImageReport) -> Result<(), Failure> {
+    session.out.event(
+        "confirmed",
+        format!("confirmed version {} runs, and is kept", runs.version),
+        json!({ "version": runs.version.to_string() }),
+    )
 }
