@@ -30,19 +30,22 @@ impl Authority {
         self.holder == Some(link)
     }
 
-    /// Gives authority to the link of a request if it is free, and says whose it is if not. Who
-    /// only watches has none, not even that of its own link.
-    pub fn take(&mut self, now: Instant, ticket: Ticket) -> Result<(), Error> {
+    /// Whether a request may be carried out, or whose authority it would need. Who only watches has
+    /// none, not even that of its own link.
+    pub fn check(&self, ticket: Ticket) -> Result<(), Error> {
         let Ticket { link, watches, .. } = ticket;
         match self.holder {
             Some(holder) if holder != link || watches => Err(Error::NotInCommand { holder }),
             None if watches => Err(Error::NobodyInCommand {}),
-            _ => {
-                self.holder = Some(link);
-                self.heard_at = now;
-                Ok(())
-            }
+            _ => Ok(()),
         }
+    }
+
+    /// Gives authority to the link of a request if it is free, as [`check`](Self::check) says.
+    pub fn take(&mut self, now: Instant, ticket: Ticket) -> Result<(), Error> {
+        self.check(ticket)?;
+        (self.holder, self.heard_at) = (Some(ticket.link), now);
+        Ok(())
     }
 
     pub fn release(&mut self) {

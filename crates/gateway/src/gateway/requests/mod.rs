@@ -60,6 +60,9 @@ impl Gateway {
     /// Executes a request and answers it, or has a job do so; not if it fails.
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
         cycle::check_body(request)?;
+        if needs_authority(request) {
+            self.authority.check(ticket)?;
+        }
         // What is refused whoever asks takes no authority.
         self.refuse_for_image(request)?;
         self.refuse_while_saving(request)?;
