@@ -60,13 +60,14 @@ impl Gateway {
     /// Executes a request and answers it, or has a job do so; not if it fails.
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
         cycle::check_body(request)?;
-        if needs_authority(request) {
+        let needs_authority = needs_authority(request);
+        if needs_authority {
             self.authority.check(ticket)?;
         }
         // What is refused whoever asks takes no authority.
         self.refuse_for_image(request)?;
         self.refuse_while_saving(request)?;
-        if needs_authority(request) {
+        if needs_authority {
             self.authority.take(now, ticket)?;
         }
         let done = replies::Done {};
