@@ -12,12 +12,13 @@ use mgw_client::Transport;
 use crate::host_uart::HostUart;
 use crate::machine::{Line, Machine};
 
-/// How often a waiting client looks for bytes: two bytes' time.
+/// How often a waiting client looks for bytes at first: two bytes' time. The longer it has waited,
+/// the less often, so that what comes is late by a small part of what it took to come.
 const LOOK: Duration = Duration::from_micros(20);
-/// After so long nothing is about to come, and it looks less often.
-const PATIENCE: Duration = Duration::from_millis(2);
-/// How often then.
-const LAZY_LOOK: Duration = Duration::from_micros(200);
+/// That part.
+const LATE_BY: u32 = 16;
+/// How often it looks at least.
+const LAZY_LOOK: Duration = Duration::from_millis(1);
 
 /// A host link.
 #[derive(Clone, Copy)]
@@ -84,7 +85,7 @@ impl Transport for BoardTransport {
             let Some(left) = timeout.checked_sub(waited).filter(|left| !left.is_zero()) else {
                 return Ok(0);
             };
-            let look = if waited < PATIENCE { LOOK } else { LAZY_LOOK };
+            let look = (waited / LATE_BY).clamp(LOOK, LAZY_LOOK);
             machine.run_for(look.min(left));
         }
     }
