@@ -293,8 +293,9 @@ impl Gateway {
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = now.max(self.now);
         self.settle_served(now);
-        let transmit =
-            self.with_bus(now, bus, |bus, axes, out| bus.poll_transmit(now, axes, out))?;
+        let Self { buses, axes, links, .. } = self;
+        let polled = buses.get_mut(usize::from(bus))?;
+        let transmit = polled.poll_transmit(now, axes, &mut Outbox::new(now, links));
         self.has_polled(bus, transmit.is_some());
         transmit
     }
@@ -399,9 +400,11 @@ impl Gateway {
         let together = self.together.as_ref().and_then(Together::deadline);
         let running = self.running.as_ref().map(Running::deadline);
         let restart = self.image.deadline().filter(|_| !self.stored.is_saving());
-        for at in [self.authority.deadline(), together, running, restart].into_iter().flatten() {
-            next = next.min(at);
-        }
+        let mut consider = |at: Option<Instant>| next = at.map_or(next, |at| next.min(at));
+        consider(self.authority.deadline());
+        consider(together);
+        consider(running);
+        consider(restart);
         (next < Instant::NEVER).then_some(next)
     }
 

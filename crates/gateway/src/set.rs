@@ -18,8 +18,10 @@ impl Set {
     /// The one; none beyond the set.
     #[must_use]
     pub fn of(index: impl Into<usize>) -> Self {
-        let index = u32::try_from(index.into()).ok();
-        Self(index.and_then(|index| 1u32.checked_shl(index)).unwrap_or(0))
+        match index.into() {
+            index @ 0..=31 => Self(1 << index),
+            _ => Self::NONE,
+        }
     }
 
     pub(crate) const fn from_bits(bits: u32) -> Self {

@@ -327,7 +327,7 @@ impl Transactions {
             }
         }
         let objection_due = (self.objections_due > 0).then_some(now);
-        let Some(current) = self.current.filter(Transaction::is_awaited) else {
+        let Some(current) = self.current.as_ref().filter(|current| current.is_awaited()) else {
             // Late beyond everything that is remembered, but it has come.
             self.owed_since = objection_due;
             return Match::Unasked;
@@ -339,8 +339,7 @@ impl Transactions {
             Verdict::NotExecuted => Outcome::Echoed,
         };
         self.owed_since = objection_due;
-        self.current = None;
-        Match::Ends(current, outcome)
+        self.current.take().map_or(Match::Unasked, |current| Match::Ends(current, outcome))
     }
 
     /// Ends what time has ended. `stops`: a stop is under way. Returns the request under way if its

@@ -58,21 +58,25 @@ impl Deframer {
             if byte == DELIMITER {
                 return (Progress { length, missing, zero_next }) != Progress::NONE;
             }
-            let data = if missing > 0 { byte } else { 0 };
-            if missing > 0 || zero_next {
-                match self.message.get_mut(length) {
-                    Some(place) => {
-                        *place = data;
-                        length += 1;
+            let data = match missing {
+                0 => {
+                    missing = byte - 1;
+                    if !core::mem::replace(&mut zero_next, byte != COBS_FULL) {
+                        return false;
                     }
-                    None => length = TOO_LONG,
+                    0
                 }
-            }
-            if missing > 0 {
-                missing -= 1;
-            } else {
-                zero_next = byte != COBS_FULL;
-                missing = byte - 1;
+                _ => {
+                    missing -= 1;
+                    byte
+                }
+            };
+            match self.message.get_mut(length) {
+                Some(place) => {
+                    *place = data;
+                    length += 1;
+                }
+                None => length = TOO_LONG,
             }
             false
         });

@@ -409,9 +409,9 @@ impl Axis {
     /// The last step is done: `seen` and `data` are what its reply told.
     fn finish(&mut self, now: Instant, seen: &Observation, data: &[u8], out: &mut Outbox<'_>) {
         let Some(kind) = self.job.as_ref().map(|job| job.kind) else { return };
-        let result = match kind {
+        match kind {
             // It waits for the others.
-            JobKind::Prepare { .. } | JobKind::StandBy { .. } => return,
+            JobKind::Prepare { .. } | JobKind::StandBy { .. } => {}
             JobKind::Arm { epoch, alone } => match self.check_motor_timeout(now) {
                 Ok(()) => {
                     if self.brake_is_freed_unseen() {
@@ -422,29 +422,37 @@ impl Axis {
                         self.job = None;
                         return;
                     }
-                    Ok(Reply::Arm(Armed { epoch, motor_timeout: self.motor_timeout(now) }))
+                    let motor_timeout = self.motor_timeout(now);
+                    self.end_job(now, &Reply::Arm(Armed { epoch, motor_timeout }), out);
                 }
-                Err(error) => Err(error),
+                Err(error) => self.fail(now, error, out),
             },
-            JobKind::ReadState => Ok(Reply::ReadState(self.report(now))),
-            JobKind::Recognise => Ok(Reply::Recognise(self.recognition())),
+            JobKind::ReadState => {
+                self.end_job(now, &Reply::ReadState(self.report(now)), out);
+            }
+            JobKind::Recognise => {
+                self.end_job(now, &Reply::Recognise(self.recognition()), out);
+            }
             JobKind::Provision { timeout_ms } => {
                 self.provisioned(timeout_ms);
-                Ok(Reply::ProvisionMotorTimeout(MotorTimeoutReport {
-                    timeout: self.motor_timeout(now),
-                }))
+                let timeout = self.motor_timeout(now);
+                let report = MotorTimeoutReport { timeout };
+                self.end_job(now, &Reply::ProvisionMotorTimeout(report), out);
             }
             JobKind::Clear => {
                 self.cleared(now, out);
-                Ok(Reply::Clear(Done {}))
+                let done = Reply::Clear(Done {});
+                self.end_job(now, &done, out);
             }
             JobKind::Restart(_) => {
                 self.cleared(now, out);
-                Ok(Reply::ClearByRestart(Done {}))
+                let done = Reply::ClearByRestart(Done {});
+                self.end_job(now, &done, out);
             }
             JobKind::OutputOff => {
                 self.enter_rest(now, false, out);
-                Ok(Reply::OutputOff(Done {}))
+                let done = Reply::OutputOff(Done {});
+                self.end_job(now, &done, out);
             }
             JobKind::Native { .. } | JobKind::NativeMotion => {
                 if let JobKind::Native { command, .. } = kind
@@ -452,25 +460,36 @@ impl Axis {
                 {
                     let _ = self.set_stream(stream);
                 }
-                Ok(Reply::Native(NativeReply { data: Bytes::from_slice(data).unwrap_or_default() }))
+                let data = Bytes::from_slice(data).unwrap_or_default();
+                self.end_job(now, &Reply::Native(NativeReply { data }), out);
             }
             JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => {
-                match seen.position_count {
-                    Some(start) => self
-                        .hold_relative(now, start, distance_rad, speed_limit_rad_s, expires, out)
-                        .map(Reply::MoveRelative),
+                let held = match seen.position_count {
+                    Some(start) => self.hold_relative(
+                        now,
+                        start,
+                        distance_rad,
+                        speed_limit_rad_s,
+                        expires,
+                        out,
+                    ),
                     None => Err(Error::NoReply { axis: self.index, hint: NoReplyHint::None }),
+                };
+                match held {
+                    Ok(held) => self.end_job(now, &Reply::MoveRelative(held), out),
+                    Err(error) => self.fail(now, error, out),
                 }
             }
-        };
-        match &result {
-            Ok(reply) => {
-                if let Some(job) = self.job.take() {
-                    self.note_output(now, &job, out);
-                    out.answer(job.ticket, Ok(reply));
-                }
-            }
-            Err(error) => self.fail(now, *error, out),
+        }
+    }
+
+    /// The job has done what it was for. The reply is made where it is passed on, as a copy of the
+    /// largest one costs more than the rest; behind a name, as a constant would be as long.
+    #[inline(never)]
+    fn end_job(&mut self, now: Instant, reply: &Reply, out: &mut Outbox<'_>) {
+        if let Some(job) = self.job.take() {
+            self.note_output(now, &job, out);
+            out.answer(job.ticket, Ok(reply));
         }
     }
 

@@ -84,6 +84,9 @@ impl Bus {
         if self.kind() != BusKind::Can {
             return None;
         }
+        if self.nothing_in_flight() {
+            return None;
+        }
         let within = CANCELLED_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         let first_stop = self.first_stop_in_controller(now, axes);
         for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {

@@ -41,10 +41,11 @@ enum State {
 /// What tells a request from another. The checksum covers header and body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Identity {
+    // First: they are compared in this order, and mostly it differs.
+    checksum: u32,
     sequence: u16,
     /// Bytes of the body; there are never more than a message holds.
     length: u16,
-    checksum: u32,
 }
 
 impl Identity {
@@ -111,20 +112,27 @@ impl Replies {
     /// Finds the request among the remembered ones, or a slot for it.
     pub fn reserve(&mut self, request: Identity) -> Reserved {
         let request = Some(request);
-        let known = self.entries.iter().position(|entry| entry.request == request);
-        if let Some(index) = known {
-            if self.entries.get(index).is_some_and(|entry| entry.state == State::Sent) {
-                self.queue(index);
+        let now = self.requests.wrapping_add(1);
+        // The oldest whose reply has been sent; what has never been given away is older.
+        let mut free: Option<(usize, u32)> = None;
+        for (index, entry) in self.entries.iter().enumerate() {
+            let is_sent = entry.state == State::Sent;
+            if entry.request == request {
+                if is_sent {
+                    self.queue(index);
+                }
+                return Reserved::Repeated;
             }
-            return Reserved::Repeated;
+            let age = now.wrapping_sub(entry.order);
+            if is_sent && free.is_none_or(|(_, oldest)| age > oldest) {
+                free = Some((index, age));
+            }
         }
         if self.recent.contains(&request) {
             return Reserved::Forgotten;
         }
-        let now = self.requests.wrapping_add(1);
-        let free = self.entries.iter_mut().enumerate().filter(|(_, e)| e.state == State::Sent);
-        // What has never been given away is the oldest.
-        let Some((index, entry)) = free.max_by_key(|(_, entry)| now.wrapping_sub(entry.order))
+        let Some((index, entry)) =
+            free.and_then(|(index, _)| Some((index, self.entries.get_mut(index)?)))
         else {
             return Reserved::Full;
         };

@@ -99,14 +99,13 @@ impl Gateway {
     }
 
     fn close_raw(&mut self, now: Instant, closes: impl Fn(&Self, u8, bool) -> bool) {
-        for index in (0u8..).take(self.buses.len()) {
-            let unsafe_access = self
-                .bus(index)
-                .ok()
-                .and_then(|bus| bus.raw.as_ref().map(|raw| raw.is_unsafe() || bus.is_borrowed()));
-            if unsafe_access.is_some_and(|unsafe_access| closes(self, index, unsafe_access)) {
-                self.end_raw(now, index);
-            }
+        // Mostly none is open, and this is asked at every event.
+        while let Some(bus) = self.buses.iter().find(|bus| {
+            let closes = |unsafe_access| closes(self, bus.index(), unsafe_access);
+            bus.raw.as_ref().is_some_and(|raw| closes(raw.is_unsafe() || bus.is_borrowed()))
+        }) {
+            let index = bus.index();
+            self.end_raw(now, index);
         }
     }
 
