@@ -8,7 +8,8 @@ use crate::{CHECKSUM, FirmwareVersion};
 /// Why an image is not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wrong {
-    /// It is not what was announced: its checksum, its board or its version differ.
+    /// It is not what was announced, or not what its header says: its checksum, its length, its board or
+    /// its version differ.
     Damaged,
     /// It is to be signed, and is not: with the key of the running one, or where that has none with
     /// its own.
@@ -63,7 +64,8 @@ impl Check {
     ) -> Result<(), Wrong> {
         let header = Header::read(&self.header).map_err(|_| Wrong::Damaged)?;
         let is_announced = header.version == version && header.board() == board;
-        if self.checksum.finalize() != checksum || !is_announced {
+        let is_whole = usize::try_from(header.length) == Ok(self.length);
+        if self.checksum.finalize() != checksum || !is_announced || !is_whole {
             return Err(Wrong::Damaged);
         }
         let key = if self.key == NO_KEY { header.key } else { self.key };

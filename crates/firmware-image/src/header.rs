@@ -15,14 +15,16 @@ pub const KEY_SIZE: usize = 32;
 /// The key of an image that takes unsigned ones.
 pub const NO_KEY: [u8; KEY_SIZE] = [0; KEY_SIZE];
 
-const MAGIC: [u8; 8] = *b"MGWimage";
+/// What it begins with. The linker puts the length behind it.
+pub const MAGIC: [u8; 4] = *b"MGWi";
 const LAYOUT: u16 = 1;
 
 /// What an image says of itself.
 ///
 /// | Bytes | |
 /// |---|---|
-/// | 0 | `MGWimage` |
+/// | 0 | `MGWi` |
+/// | 4 | bytes of the image, u32: whole units of [`UNIT`](crate::UNIT) |
 /// | 8 | layout, u16: 1 |
 /// | 10 | version: major, minor, patch, each u16 |
 /// | 16 | name of its board, zeros behind it |
@@ -31,6 +33,8 @@ const LAYOUT: u16 = 1;
 /// Numbers are little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
+    /// Bytes of the image.
+    pub length: u32,
     /// The version of the firmware.
     pub version: FirmwareVersion,
     board: [u8; BOARD_SIZE],
@@ -64,10 +68,16 @@ impl fmt::Display for HeaderError {
 impl core::error::Error for HeaderError {}
 
 impl Header {
-    /// Of the image for a board, of whose name the first 16 bytes count.
+    /// Of an image without a length for a board, of whose name the first 16 bytes count.
     #[must_use]
     pub const fn new(version: FirmwareVersion, board: &str, key: [u8; KEY_SIZE]) -> Self {
-        Self { version, board: put([0; BOARD_SIZE], 0, board.as_bytes()), key }
+        Self { length: 0, version, board: put([0; BOARD_SIZE], 0, board.as_bytes()), key }
+    }
+
+    /// The same of an image with so many bytes.
+    #[must_use]
+    pub const fn with_length(self, length: u32) -> Self {
+        Self { length, ..self }
     }
 
     /// The name of its board; empty where it is no text.
@@ -88,6 +98,7 @@ impl Header {
     pub const fn to_bytes(&self) -> [u8; HEADER_SIZE] {
         let FirmwareVersion { major, minor, patch } = self.version;
         let bytes = put([0; HEADER_SIZE], 0, &MAGIC);
+        let bytes = put(bytes, 4, &self.length.to_le_bytes());
         let bytes = put(bytes, 8, &LAYOUT.to_le_bytes());
         let bytes = put(bytes, 10, &major.to_le_bytes());
         let bytes = put(bytes, 12, &minor.to_le_bytes());
@@ -101,6 +112,7 @@ impl Header {
     /// They are none, or of another layout.
     pub fn read(bytes: &[u8; HEADER_SIZE]) -> Result<Self, HeaderError> {
         let Some(rest) = bytes.strip_prefix(&MAGIC) else { return Err(HeaderError::Missing) };
+        let (length, rest) = rest.split_first_chunk().ok_or(HeaderError::Missing)?;
         let (words, rest) = rest.split_first_chunk::<8>().ok_or(HeaderError::Missing)?;
         let (board, rest) = rest.split_first_chunk().ok_or(HeaderError::Missing)?;
         let key = rest.first_chunk().ok_or(HeaderError::Missing)?;
@@ -114,7 +126,7 @@ impl Header {
             minor: u16::from_le_bytes([n0, n1]),
             patch: u16::from_le_bytes([p0, p1]),
         };
-        Ok(Self { version, board: *board, key: *key })
+        Ok(Self { length: u32::from_le_bytes(*length), version, board: *board, key: *key })
     }
 
     /// Reads the header of a whole image.

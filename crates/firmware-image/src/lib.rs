@@ -12,7 +12,7 @@ mod header;
 
 pub use check::{Check, Wrong};
 pub use header::{
-    BOARD_SIZE, HEADER_OFFSET, HEADER_SIZE, Header, HeaderError, KEY_SIZE, NO_KEY, version,
+    BOARD_SIZE, HEADER_OFFSET, HEADER_SIZE, Header, HeaderError, KEY_SIZE, MAGIC, NO_KEY, version,
 };
 pub use host_protocol::{FirmwareVersion, IMAGE_UNIT as UNIT};
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
-use firmware_image::{HEADER_OFFSET, Header, KEY_SIZE, NO_KEY, UNIT};
+use firmware_image::{HEADER_OFFSET, HEADER_SIZE, Header, KEY_SIZE, NO_KEY, UNIT};
 use object::Endianness;
 use object::read::elf::{ElfFile32, ProgramHeader};
 
@@ -52,6 +52,16 @@ impl ImageFile {
         };
         let mut bytes = flash[at..].to_vec();
         bytes.resize(bytes.len().next_multiple_of(UNIT), ERASED);
+        let length = usize::try_from(header.length).unwrap_or(usize::MAX);
+        if length < HEADER_OFFSET + HEADER_SIZE || !length.is_multiple_of(UNIT) {
+            return Err(format!("its header says that it has {length} bytes, which none has"));
+        }
+        if bytes.len() < length {
+            let text = "it was cut off: its header says that it has";
+            return Err(format!("{text} {length} bytes, and it has {}", bytes.len()));
+        }
+        // Behind it lies what else is in the flash.
+        bytes.truncate(length);
         Ok(Self { header, bytes })
     }
 
@@ -127,16 +137,22 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_image::{FirmwareVersion, HEADER_SIZE};
+    use firmware_image::FirmwareVersion;
 
     const VERSION: FirmwareVersion = FirmwareVersion { major: 1, minor: 2, patch: 3 };
 
     /// A vector table and a header, as far as they count.
     fn image() -> Vec<u8> {
         let mut image = vec![0x11; HEADER_OFFSET];
-        image.extend(Header::new(VERSION, "a-board", NO_KEY).to_bytes());
+        image.extend(header().to_bytes());
         image.extend([0x22; 5]);
         image
+    }
+
+    fn header() -> Header {
+        let length = HEADER_OFFSET + HEADER_SIZE + UNIT;
+        let header = Header::new(VERSION, "a-board", NO_KEY);
+        header.with_length(u32::try_from(length).unwrap())
     }
 
     /// An ELF file (ELF-32, little-endian, for ARM) that loads these bytes to these addresses of the
@@ -180,7 +196,7 @@ mod tests {
         let mut expected = image.clone();
         expected.extend([ERASED; 27]);
         assert_eq!(expected.len(), HEADER_OFFSET + HEADER_SIZE + UNIT);
-        let header = Header::new(VERSION, "a-board", NO_KEY);
+        let header = header();
         // The parts in any order, and a loader before it that is not the image.
         let loader = [0x33; 40];
         for file in [
@@ -195,8 +211,12 @@ mod tests {
         let mut flash = vec![ERASED; 0x2_0000];
         flash.extend(&image);
         assert_eq!(read(&flash), (header, expected.clone()));
-        // What has been written out is read as it is.
-        assert_eq!(read(&expected), (header, expected));
+        // What has been written out is read as it is, and so is what other things lie behind.
+        assert_eq!(read(&expected), (header, expected.clone()));
+        flash.resize(0x4_0000, ERASED);
+        flash.truncate(0x2_0000 + expected.len());
+        flash.extend([0x44; 5000]);
+        assert_eq!(read(&flash), (header, expected));
     }
 
     #[test]
@@ -214,6 +234,15 @@ mod tests {
         assert_eq!(refused(&whole[..whole.len() - 1]), "a part of it is missing");
         let far = elf(&[(0x0800_0000, &[0; 8]), (0x9000_0000, &[0; 8])]);
         assert_eq!(refused(&far), "its parts lie 2281701384 bytes apart");
+        let cut = "it was cut off: its header says that it has 864 bytes, and it has 832";
+        assert_eq!(refused(&image()[..HEADER_OFFSET + HEADER_SIZE]), cut);
+        assert_eq!(refused(&elf(&[(0x0802_0000, &image()[..832])])), cut);
+        for length in [0u32, 831, 833] {
+            let mut other = image();
+            other[HEADER_OFFSET + 4..HEADER_OFFSET + 8].copy_from_slice(&length.to_le_bytes());
+            let text = format!("its header says that it has {length} bytes, which none has");
+            assert_eq!(refused(&other), text);
+        }
         let mut other = image();
         other[HEADER_OFFSET + 8] = 7;
         assert_eq!(refused(&other), "its header has layout 7, and 1 is known here");

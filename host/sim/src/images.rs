@@ -1,6 +1,6 @@
 //! The images of the firmware on a simulated board, and what its loader makes of them at a start.
 
-use firmware_image::{Check, HEADER_OFFSET, Header, NO_KEY, Wrong, version};
+use firmware_image::{Check, HEADER_OFFSET, HEADER_SIZE, Header, NO_KEY, Wrong, version};
 use gateway::{Board, FoundImage, ImageJob, Images, SaveError};
 use host_protocol::requests::BeginImage;
 
@@ -74,11 +74,14 @@ impl ImageSlots {
     }
 }
 
-/// An image without a program: its header, then these bytes, and zeros to the end of a unit.
+/// An image without a program: its header with its length, then these bytes, and zeros to the end of a
+/// unit.
 pub fn image(header: &Header, rest: &[u8]) -> Vec<u8> {
+    let used = HEADER_OFFSET + HEADER_SIZE + rest.len();
+    let length = u32::try_from(used.next_multiple_of(firmware_image::UNIT)).expect("it fits");
     let mut image = vec![0; HEADER_OFFSET];
-    image.extend(header.to_bytes());
+    image.extend(header.with_length(length).to_bytes());
     image.extend(rest);
-    image.resize(image.len().next_multiple_of(firmware_image::UNIT), 0);
+    image.resize(length as usize, 0);
     image
 }

@@ -7,7 +7,7 @@ mod only_h743 {
     use std::sync::LazyLock;
     use std::time::{Duration, Instant};
 
-    use firmware_image::{CHECKSUM, HEADER_OFFSET, Header, UNIT};
+    use firmware_image::{CHECKSUM, HEADER_OFFSET, Header};
     use host_protocol::requests::{ConfirmImage, FinishImage, WriteImage};
     use host_protocol::{
         BootReason, Call, Error, FirmwareVersion, ImageState, Kind, MAX_FRAME, MAX_IMAGE_BYTES,
@@ -49,9 +49,8 @@ mod only_h743 {
     /// The image that runs, with another version.
     fn new_image(machine: &mut Machine) -> Vec<u8> {
         let mut image = machine.read_memory(ACTIVE, ROOM);
-        let used = image.iter().rposition(|byte| *byte != 0xFF).expect("an image") + 1;
-        image.truncate(used.next_multiple_of(UNIT));
         let mut header = Header::of_image(&image).expect("a header");
+        image.truncate(usize::try_from(header.length).expect("it fits"));
         header.version = NEW;
         let bytes = header.to_bytes();
         image[HEADER_OFFSET..HEADER_OFFSET + bytes.len()].copy_from_slice(&bytes);
