@@ -9,6 +9,7 @@ mod bench;
 mod commands;
 mod config;
 mod decode;
+mod delays;
 mod demo;
 mod dialects;
 mod encode;
@@ -23,6 +24,7 @@ mod image_file;
 mod interrupt;
 mod json;
 mod keys;
+mod live;
 mod manual;
 mod motor;
 mod names;
@@ -40,6 +42,8 @@ mod session;
 mod states;
 mod table;
 mod terminal;
+mod top;
+mod view;
 mod words;
 
 use std::process::ExitCode;
@@ -172,10 +176,12 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
         Some(Command::Plan(arguments)) => plan::run(arguments, out),
+        Some(Command::Delays(arguments)) => delays::run(arguments, out),
         Some(Command::Image(arguments)) => image::run(arguments, out),
         Some(Command::Explain { code }) => explain::run(code.as_deref(), out),
         Some(Command::Play(arguments)) => record::play(arguments, out),
         Some(Command::Plot(arguments)) => record::plot(arguments, out),
+        Some(Command::Top(arguments)) => top::run(arguments, cli.port.as_deref(), out),
         Some(Command::Completion { shell }) => manual::completion(*shell),
         Some(Command::Man { command, dir }) => manual::pages(command.as_deref(), dir.as_deref()),
         Some(Command::Config { action })

@@ -18,6 +18,7 @@ use crate::find;
 use crate::interrupt;
 use crate::output::Output;
 use crate::record::{Recording, What};
+use crate::view::{Reach, View, ViewArgs};
 
 /// Between two looks at whether a signal has come.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -42,11 +43,13 @@ pub struct ServeArgs {
     pub record: Option<PathBuf>,
     #[command(flatten)]
     pub written: FileArgs,
+    #[command(flatten)]
+    pub view: ViewArgs,
 }
 
 /// Serves until the process is ended.
 pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(), Failure> {
-    let ServeArgs { listen, socket, token, record, written } = arguments;
+    let ServeArgs { listen, socket, token, record, written, view } = arguments;
     let token = token.clone().filter(|token| !token.is_empty());
     if !listen.ip().is_loopback() && token.is_none() {
         return Err(Failure::Usage(format!(
@@ -65,6 +68,8 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
     let failed = |source| Failure::Server { address: listen.to_string(), source };
     let listener = TcpListener::bind(listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
+    let reach = Reach::new(address, token.clone());
+    let page_token = token.clone();
     let mut listeners = vec![Listener::Tcp(listener, token)];
     out.event(
         "listening",
@@ -75,6 +80,9 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
         listeners.push(unix(&path)?);
         let port = format!("unix:{}", path.display());
         out.event("listening", format!("listening on {port}"), json!({ "port": port }))?;
+    }
+    if let Some(view) = View::open(view, page_token.as_deref(), out)? {
+        view.start(reach);
     }
     out.text("Every `mgw` without --port uses it. Ctrl-C ends it; what is armed then stops.")?;
 

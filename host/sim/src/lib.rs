@@ -33,6 +33,7 @@ mod wiring;
 mod world;
 
 pub use bus::{BusFault, Station, Wire};
+pub use can::frame_bits as can_frame_bits;
 pub use motors::{Beginning, Injection, LogEntry, Motor, MotorEvent, MotorLog, Outgoing, Turning};
 pub use serve::{Server, put_fault, serve};
 pub use transport::{SharedWorld, SimTransport};

@@ -8,6 +8,7 @@ use host_protocol::StateField;
 use super::plan::{HostLine, host_line};
 use super::typed::Typed;
 use super::values::state_field;
+use crate::delays::typed_word;
 
 #[derive(Debug, Args)]
 pub struct BenchArgs {
@@ -46,6 +47,15 @@ pub struct BenchArgs {
     /// `mgw plan --delays`
     #[arg(long, value_name = "FILE")]
     pub delays: Option<PathBuf>,
+    /// Estimate it of every round, and write that as a table by motor, for `mgw delays`
+    #[arg(long, value_name = "FILE")]
+    pub table: Option<PathBuf>,
+    /// Who measures, as the table has it; unknown without it, simulator where the gateway is
+    /// simulated
+    #[arg(
+        long = "where", value_name = "NAME", value_parser = typed_word, requires = "table"
+    )]
+    pub place: Option<String>,
     /// Draw the cycle rates, measured and planned, into this file
     #[arg(long, value_name = "FILE")]
     pub svg: Option<PathBuf>,

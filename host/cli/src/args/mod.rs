@@ -2,6 +2,7 @@
 
 mod bench;
 mod config;
+mod delays;
 mod finding;
 mod frames;
 mod motion;
@@ -24,6 +25,7 @@ use host_protocol::CanId;
 pub use crate::server::ServeArgs;
 pub use bench::BenchArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
+pub use delays::DelaysArgs;
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanCommand, ScanTarget};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{
@@ -37,7 +39,7 @@ pub use recording::{FileArgs, Part, PlayArgs, PlotArgs, RecordArgs};
 pub use typed::{Typed, TypedClear, TypedMotor, TypedScan, TypedStop};
 pub use update::{ImageArgs, UpdateArgs};
 use values::{clear_target, seconds, stop_target};
-pub use watching::{RawAction, WatchArgs};
+pub use watching::{RawAction, TopArgs, WatchArgs};
 
 /// Where `mgw sim` listens unless told otherwise.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
@@ -307,6 +309,18 @@ pub enum Command {
     )]
     Watch(WatchArgs),
 
+    /// Show axes, buses, trips and events on a terminal as they are; one key stops everything
+    ///
+    /// It takes no authority and commands nothing until a key asks for it. Space (or s) stops every
+    /// axis at any time, whatever else waits, and shows what each stop came to. The arrows choose
+    /// an axis, c clears its trip after a y, q or Ctrl-C ends it and stops no motor. When the
+    /// gateway is unplugged or its server restarts it says so and connects again; a stop that was
+    /// asked for meanwhile goes out first. A value marked with * is older than 1 s; the load of a
+    /// bus counts each frame as the longest. Needs a terminal: `mgw watch` and `mgw state` do
+    /// without.
+    #[command(after_help = "Examples:\n  mgw top\n  mgw top --period 50\n  NO_COLOR=1 mgw top")]
+    Top(TopArgs),
+
     /// Record samples, events and cycles into an MCAP file, which Foxglove and PlotJuggler read;
     /// takes no authority
     ///
@@ -326,12 +340,13 @@ pub enum Command {
             mgw play bus.mcap --candump | mgw decode")]
     Play(PlayArgs),
 
-    /// Draw curves of a recording as SVG; needs no gateway
+    /// Draw curves of a recording as SVG or PNG; needs no gateway
     ///
     /// A chart for each field, a curve for each axis, over the time of the gateway; a red line
     /// where an axis tripped.
     #[command(after_help = "Examples:\n  mgw plot run.mcap\n  \
-            mgw plot run.mcap --fields velocity --axis 0 --from 12.5 --to 13 --output trip.svg")]
+            mgw plot run.mcap --fields velocity --axis 0 --from 12.5 --to 13 --output trip.svg\n  \
+            mgw plot run.mcap --output run.png             960 pixels wide, with text")]
     Plot(PlotArgs),
 
     /// Show configuration, state and counters of one bus, or of all
@@ -461,6 +476,20 @@ pub enum Command {
             mgw bench 0 1 2 3 --rounds 5000 --svg rates.svg\n  \
             mgw bench --yes --delays delays.toml && mgw plan arm.toml --delays delays.toml")]
     Bench(BenchArgs),
+
+    /// Make a table of how long motors take to begin their replies, out of recordings and tables;
+    /// needs no gateway
+    ///
+    /// One line for each model, firmware, protocol, bus and command: how many delays, the least,
+    /// 50 %, 99 %, the greatest, and how many in each bucket, so that merging two tables gives what
+    /// measuring both at once would. docs/reply-delays.md has the format. `mgw plan --delays` takes
+    /// it.
+    #[command(after_help = "Examples:\n  \
+            mgw record bus.mcap --frames 0                 while something else asks the motors\n  \
+            mgw delays bus.mcap --bitrate 0=1000000 --where lab-a --output mine.txt\n  \
+            mgw delays docs/reply-delays.txt mine.txt --output docs/reply-delays.txt --force\n  \
+            mgw plan arm.toml --delays docs/reply-delays.txt")]
+    Delays(DelaysArgs),
 
     /// Print the page that helps with an error, by the code at its end; needs no gateway
     #[command(

@@ -5,6 +5,7 @@ use host_protocol::StateField;
 
 use super::values::state_field;
 use crate::config::Source;
+use crate::delays::typed_word;
 
 /// What carries the host's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,9 +28,15 @@ pub struct PlanArgs {
     /// How long motors take to begin their reply, µs: all of them, or one axis; 250 unless given
     #[arg(long = "reply-delay", value_name = "US|AXIS=US", value_parser = reply_delay)]
     pub reply_delays: Vec<(Option<u8>, u32)>,
-    /// Reply delays as `mgw bench --delays` has written them; --reply-delay goes before
+    /// Reply delays as `mgw bench --delays` has written them, or the table of `mgw delays`, of which
+    /// each axis takes the longest of its protocol, bus and bitrate; --reply-delay goes before
     #[arg(long, value_name = "FILE", value_parser = Source::read)]
     pub delays: Option<Source>,
+    /// The model of an axis's motor, as the table of --delays has it; may be given often
+    #[arg(
+        long = "motor", value_name = "AXIS=MODEL", value_parser = model, requires = "delays"
+    )]
+    pub models: Vec<(u8, String)>,
     /// Frames of others on a CAN bus in a second, each counted as the longest
     #[arg(long, value_name = "BUS=FRAMES_S", value_parser = foreign)]
     pub foreign: Vec<(u8, u32)>,
@@ -52,6 +59,13 @@ pub struct PlanArgs {
     /// multiple of 9600 is taken for RS485, everything else for CAN
     #[arg(long, value_name = "BUS")]
     pub rs485: Vec<u8>,
+}
+
+fn model(text: &str) -> Result<(u8, String), String> {
+    let parts = text.split_once('=').and_then(|(axis, model)| Some((axis.parse().ok()?, model)));
+    let known = parts.filter(|(axis, _)| usize::from(*axis) < gateway::MAX_AXES);
+    let (axis, model) = known.ok_or_else(|| "takes AXIS=MODEL, axis 0 to 31".to_owned())?;
+    typed_word(model).map(|model| (axis, model))
 }
 
 fn hertz(text: &str) -> Result<f64, String> {

@@ -109,7 +109,7 @@ pub struct PlotArgs {
         default_value = "position,velocity,current"
     )]
     pub fields: Vec<StateField>,
-    /// The picture, an SVG file; without it the name of the recording with .svg
+    /// The picture, by its end an SVG or a PNG file; without it the name of the recording with .svg
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Write over a picture that is there already

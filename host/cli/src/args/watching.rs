@@ -29,6 +29,17 @@ pub struct WatchArgs {
     pub count: Option<u64>,
 }
 
+#[derive(Debug, Args)]
+pub struct TopArgs {
+    /// Milliseconds between two samples of an axis
+    #[arg(
+        long, default_value_t = 200,
+        value_name = "MS",
+        value_parser = clap::value_parser!(u64).range(10..=10_000)
+    )]
+    pub period: u64,
+}
+
 #[derive(Debug, Subcommand)]
 pub enum RawAction {
     /// Send a CAN frame, ID#DATA in hexadecimal (3 digits: standard id, 8: extended), and print

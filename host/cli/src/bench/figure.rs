@@ -4,6 +4,7 @@ use plotters::prelude::*;
 
 use super::Cycles;
 use crate::failure::Failure;
+use crate::record::has_font;
 
 const SIZE: (u32, u32) = (720, 440);
 
@@ -24,6 +25,7 @@ fn draw(cycles: &[Cycles], text: &mut String) -> Result<(), Box<dyn std::error::
         cycles.iter().filter_map(|of| Some((of.axes.len() as f64, of.plan.rate()?))).collect();
     let most =
         |of: fn(&(f64, f64)) -> f64| measured.iter().chain(&planned).map(of).fold(1.0, f64::max);
+    has_font()?;
     let root = SVGBackend::with_string(text, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&root)

@@ -3,6 +3,7 @@
 mod figure;
 mod print;
 mod spread;
+mod table;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -63,14 +64,19 @@ pub fn run(session: &mut Session, arguments: &BenchArgs) -> Result<(), Failure> 
     for count in counts(axes.len()) {
         cycles.push(bench.cycles(session, &axes[..count])?);
     }
-    let delays = match &arguments.delays {
-        Some(path) => {
-            let delays = bench.reply_delays(session, &axes, &ping)?;
-            write(path, &delays_file(&delays))?;
-            delays
-        }
-        None => Vec::new(),
+    let alone = match (&arguments.delays, &arguments.table) {
+        (None, None) => Vec::new(),
+        _ => bench.each_alone(session, &axes)?,
     };
+    let mut delays = Vec::new();
+    if let Some(path) = &arguments.delays {
+        delays = reply_delays(&alone, &ping);
+        write(path, &delays_file(&delays))?;
+    }
+    if let Some(path) = &arguments.table {
+        let table = table::of(session, &bench, &alone, &ping)?;
+        crate::delays::write(path, &table, true)?;
+    }
     let measured = Measured { ping, read_state, cycles, delays };
     if let Some(path) = &arguments.svg {
         write(path, &figure::svg(&measured.cycles)?)?;
@@ -222,25 +228,27 @@ impl<'a> Bench<'a> {
         Plan::of(&self.core, &Premises { assumed, ..premises.clone() })
     }
 
-    /// How long each motor takes to begin its reply, estimated: the median of its cycles less that
-    /// of a ping, and less the rest of what is planned for it alone. What the ping does not have,
-    /// the gateway's work for the bus, counts as the motor's.
-    fn reply_delays(
-        &self,
-        session: &mut Session,
-        axes: &[u8],
-        ping: &Spread,
-    ) -> Result<Vec<(u8, u32)>, Failure> {
-        let mut delays = Vec::new();
-        for axis in axes {
-            let alone = self.cycles(session, &[*axis])?;
-            let beside: u64 = alone.plan.buses.iter().map(|(_, plan)| frames_us(plan)).sum();
-            let rest = alone.spread.at(500).saturating_sub(ping.at(500));
-            let delay = rest.saturating_sub(Duration::from_micros(beside));
-            delays.push((*axis, u32::try_from(delay.as_micros()).unwrap_or(u32::MAX)));
-        }
-        Ok(delays)
+    /// Cycles of each axis alone.
+    fn each_alone(&self, session: &mut Session, axes: &[u8]) -> Result<Vec<Cycles>, Failure> {
+        axes.iter().map(|axis| self.cycles(session, &[*axis])).collect()
     }
+}
+
+/// How long each motor takes to begin its reply, estimated: the median of its cycles less that of a
+/// ping, and less the rest of what is planned for it alone. What the ping does not have, the
+/// gateway's work for the bus, counts as the motor's.
+fn reply_delays(alone: &[Cycles], ping: &Spread) -> Vec<(u8, u32)> {
+    let delay = |cycles: &Cycles| {
+        Some((*cycles.axes.first()?, delay_us(cycles, cycles.spread.at(500), ping)))
+    };
+    alone.iter().filter_map(delay).collect()
+}
+
+/// The delay of the motor of these cycles in a round that took so long, µs.
+fn delay_us(cycles: &Cycles, round: Duration, ping: &Spread) -> u32 {
+    let beside: u64 = cycles.plan.buses.iter().map(|(_, plan)| frames_us(plan)).sum();
+    let rest = round.saturating_sub(ping.at(500)).saturating_sub(Duration::from_micros(beside));
+    u32::try_from(rest.as_micros()).unwrap_or(u32::MAX)
 }
 
 /// What the frames of a planned cycle of one axis take, without its motor's delay, µs.

@@ -33,6 +33,11 @@ impl Spread {
         self.rate
     }
 
+    /// Each of them, the shortest first.
+    pub fn times(&self) -> &[Duration] {
+        &self.times
+    }
+
     /// How many there were.
     pub fn rounds(&self) -> usize {
         self.times.len()

@@ -106,7 +106,8 @@ fn bus_limit(limit: BusLimit) -> &'static str {
     }
 }
 
-fn e_stop(status: &GatewayReport) -> String {
+/// Whether the e-stop is latched, and its input open.
+pub fn e_stop(status: &GatewayReport) -> String {
     let latched = if status.e_stop_latched { "latched" } else { "not latched" };
     match status.e_stop_input_open {
         Some(open) => format!("{latched}, input {}", words::open_or_closed(open)),

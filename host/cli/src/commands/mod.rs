@@ -19,18 +19,23 @@ mod record;
 mod scan;
 mod set;
 mod stop;
-mod stop_report;
+pub mod stop_report;
 mod together;
 mod trips;
 mod update;
 mod watch;
 
 pub use drive::state_line;
+pub use info::e_stop as e_stop_text;
 pub use motor::set_id as set_motor_id;
 pub use native::motor as motor_of;
+pub use raw::recorded_frame;
 pub use scan::motor_name;
 #[cfg(test)]
 pub use scan::notes;
+pub use stop::{clear_axis, send_first as send_stop_first};
+pub use stop_report::outcome_lines;
+pub use trips::line as incident_line;
 
 use mgw_client::{Interrupt, Transport};
 
@@ -118,10 +123,12 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         | Command::Decode(_)
         | Command::Encode(_)
         | Command::Plan(_)
+        | Command::Delays(_)
         | Command::Image(_)
         | Command::Explain { .. }
         | Command::Play(_)
         | Command::Plot(_)
+        | Command::Top(_)
         | Command::Completion { .. }
         | Command::Man { .. } => Ok(()),
         // These have been sent before all else.

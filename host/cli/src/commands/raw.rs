@@ -84,6 +84,15 @@ fn print(session: &Session, bus: u8, received: &ReceivedFrame) -> Result<(), Fai
     )
 }
 
+/// A frame as a recording has it; nothing where it is none, or a remote frame.
+pub fn recorded_frame(kind: &str, text: &str) -> Option<RawFrame> {
+    match kind {
+        "can" => can_frame(text).ok().map(RawFrame::Can),
+        "serial" => serial_frame(text).ok().map(RawFrame::Serial),
+        _ => None,
+    }
+}
+
 fn can_frame(text: &str) -> Result<CanFrame, Failure> {
     let wrong = || {
         Failure::Usage(format!(

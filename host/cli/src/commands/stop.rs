@@ -112,14 +112,22 @@ pub fn clear(
         target => session.client.clear(target).map_err(not_cleared)?,
     }
     let line = match target {
-        ClearTarget::Axis(axis) => {
-            format!("axis {axis} is cleared; it moves only when it is armed again")
-        }
+        ClearTarget::Axis(axis) => cleared(axis),
         ClearTarget::Gateway => {
             "the e-stop is cleared; tripped axes are cleared one by one".to_owned()
         }
     };
     session.out.either(line, &json!({ "done": true }))
+}
+
+/// Clears the trip of an axis whose stop is confirmed; what then holds.
+pub fn clear_axis(session: &mut Session, axis: u8) -> Result<String, Failure> {
+    session.client.clear(ClearTarget::Axis(axis)).map_err(not_cleared)?;
+    Ok(cleared(axis))
+}
+
+fn cleared(axis: u8) -> String {
+    format!("axis {axis} is cleared; it moves only when it is armed again")
 }
 
 /// Has a holding motor let go.

@@ -1,17 +1,19 @@
 //! What a stop came to, axis by axis.
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{Error, Protocol, parameters};
+use host_protocol::{AxisState, Error, Protocol, parameters};
 use mgw_client::ClientError;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
+use crate::faults::Protocols;
 use crate::json;
 use crate::session::Session;
 use crate::states;
+use crate::words;
 
 /// What a stop came to for one axis.
-enum Outcome {
+pub enum Outcome {
     /// The motor has confirmed it.
     Confirmed(AxisReport),
     /// The motor has not; the gateway goes on.
@@ -22,9 +24,9 @@ enum Outcome {
     BusNotConfigured { bus: u8 },
 }
 
-/// Waits for the stops of these axes and prints what each came to. A stop that is not confirmed is
-/// a failure; an axis that could never be armed has nothing to stop.
-pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
+/// Waits for the stops of these axes: what each came to, and the first failure. A stop that is not
+/// confirmed is one; an axis that could never be armed has nothing to stop.
+pub fn await_all(session: &mut Session, axes: &[u8]) -> (Vec<(u8, Outcome)>, Result<(), Failure>) {
     let mut result = Ok(());
     let mut outcomes = Vec::new();
     for axis in axes.iter().copied() {
@@ -39,6 +41,17 @@ pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
             Err(failure) => result = result.and(Err(failure)),
         }
     }
+    (outcomes, result)
+}
+
+/// What each came to, for programs.
+pub fn objects(outcomes: &[(u8, Outcome)], motors: &Protocols) -> Vec<Value> {
+    outcomes.iter().map(|(axis, outcome)| outcome.to_json(*axis, motors.of(*axis))).collect()
+}
+
+/// Waits for the stops of these axes and prints what each came to.
+pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
+    let (outcomes, result) = await_all(session, axes);
     let reports: Vec<AxisReport> =
         outcomes.iter().filter_map(|(_, outcome)| outcome.report()).collect();
     if !reports.is_empty() {
@@ -46,17 +59,34 @@ pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
     }
     for (axis, outcome) in &outcomes {
         if let Some(reason) = outcome.nothing_to_stop() {
-            session
-                .out
-                .text(format!("axis {axis}: nothing to stop, it was never armed: {reason}"))?;
+            session.out.text(nothing_to_stop(*axis, &reason))?;
         }
     }
-    let objects: Vec<Value> = outcomes
-        .iter()
-        .map(|(axis, outcome)| outcome.to_json(*axis, session.out.motors.of(*axis)))
-        .collect();
+    let objects = objects(&outcomes, &session.out.motors);
     session.out.object(&json!({ "axes": objects }))?;
     result
+}
+
+fn nothing_to_stop(axis: u8, reason: &str) -> String {
+    format!("axis {axis}: nothing to stop, it was never armed: {reason}")
+}
+
+/// What the stops of these axes came to, a line for each, and the first that is not confirmed.
+pub fn outcome_lines(session: &mut Session, axes: &[u8]) -> (Vec<String>, Result<(), Failure>) {
+    let (mut lines, mut result) = (Vec::new(), Ok(()));
+    for axis in axes.iter().copied() {
+        let failure = match outcome(session, axis) {
+            Ok(Outcome::NotConfirmed(_)) => Failure::StopNotConfirmed { axis },
+            Ok(outcome) => {
+                lines.push(outcome.line(axis));
+                continue;
+            }
+            Err(failure) => failure,
+        };
+        lines.push(failure.to_string());
+        result = result.and(Err(failure));
+    }
+    (lines, result)
 }
 
 fn outcome(session: &mut Session, axis: u8) -> Result<Outcome, Failure> {
@@ -83,6 +113,21 @@ impl Outcome {
             Self::Confirmed(report) => Some(*report),
             Self::NotConfirmed(report) => *report,
             Self::NotConfigured { .. } | Self::BusNotConfigured { .. } => None,
+        }
+    }
+
+    /// The outcome in words, where there is nothing to add.
+    fn line(&self, axis: u8) -> String {
+        match (self.nothing_to_stop(), self.report()) {
+            (Some(reason), _) => nothing_to_stop(axis, &reason),
+            (None, Some(report)) => {
+                let state = match report.state {
+                    AxisState::Tripped { .. } => "tripped",
+                    state => words::axis_state(state),
+                };
+                format!("axis {axis}: stop confirmed, {state}")
+            }
+            (None, None) => format!("axis {axis}: stop not confirmed"),
         }
     }
 

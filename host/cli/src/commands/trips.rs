@@ -27,6 +27,12 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     out.table(&table)
 }
 
+/// A trip or a start as one line.
+pub fn line(incident: &Incident, motors: &Protocols) -> String {
+    let [_, time, what] = row(incident, motors);
+    format!("t={time}  {what}")
+}
+
 fn row(incident: &Incident, motors: &Protocols) -> [String; 3] {
     match incident {
         Incident::Started { start, boot, has_crash_report } => {

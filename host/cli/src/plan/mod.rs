@@ -14,6 +14,7 @@ use crate::args::{HostLine, PlanArgs};
 use crate::config::{self, BoardPorts, Configuration};
 use crate::failure::Failure;
 use crate::output::Output;
+use delays::Planned;
 pub use print::to_json as plan_to_json;
 
 /// Bits of a byte on the host's line, with start and stop bit.
@@ -134,7 +135,7 @@ fn board_for(configuration: &Configuration, premises: &Premises) -> BoardPorts {
 pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
     let file = config::parse(&arguments.source);
     let configuration = file.onto(Configuration::default());
-    let premises = premises(arguments, &configuration)?;
+    let premises = premises(arguments, &configuration, out)?;
     let findings = config::check(&file, &configuration, &board_for(&configuration, &premises));
     if !findings.is_empty() {
         let path = arguments.source.path.clone();
@@ -156,7 +157,11 @@ pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
     }
 }
 
-fn premises(arguments: &PlanArgs, configuration: &Configuration) -> Result<Premises, Failure> {
+fn premises(
+    arguments: &PlanArgs,
+    configuration: &Configuration,
+    out: Output,
+) -> Result<Premises, Failure> {
     let mut kinds = [BusKind::Can; MAX_BUSES];
     for (bus, kind) in (0..).zip(&mut kinds) {
         let bitrate = configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate);
@@ -183,8 +188,11 @@ fn premises(arguments: &PlanArgs, configuration: &Configuration) -> Result<Premi
         ..Assumptions::DEFAULT
     };
     let mut stated = Set::NONE;
-    let measured = arguments.delays.as_ref().map(delays::read).transpose()?.unwrap_or_default();
-    let measured = measured.into_iter().map(|(axis, us)| (Some(axis), us));
+    let planned = Planned { configuration, kinds: &kinds, models: &arguments.models };
+    let measured = arguments.delays.as_ref().map(|source| delays::read(source, &planned));
+    let measured = measured.transpose()?.unwrap_or_default();
+    measured.notes.iter().for_each(|note| out.aside(note));
+    let measured = measured.delays.into_iter().map(|(axis, us)| (Some(axis), us));
     let mut given: Vec<(Option<u8>, u32)> = arguments.reply_delays.clone();
     // What is said of all goes before what is said of one.
     given.sort_by_key(|(axis, _)| axis.is_some());

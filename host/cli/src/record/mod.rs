@@ -7,13 +7,14 @@ mod encode;
 mod export;
 mod file;
 mod item;
+mod picture;
 mod play;
 mod plot;
 mod read;
 mod schemas;
 mod show;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -25,14 +26,24 @@ use serde_json::{Value, json};
 use crate::failure::Failure;
 use crate::faults::Protocols;
 
-use encode::Encoder;
 use file::{Files, Limits};
-use item::Item;
 
-pub use encode::Losses;
-pub use item::What;
+pub use encode::{Encoder, Losses, Message};
+pub use item::{Item, What};
+pub use mcap::MAGIC;
+pub use picture::has_font;
 pub use play::run as play;
 pub use plot::run as plot;
+pub use schemas::Schema;
+
+/// Calls `each` with every message of a file and the host's time of it, ns since 1970; whether the
+/// recording was ended as it should.
+pub fn each_message(
+    path: &Path,
+    mut each: impl FnMut(&Value, u64) -> Result<(), Failure>,
+) -> Result<bool, Failure> {
+    read::file(path, |message| each(&message.value, message.log_ns))
+}
 
 /// What waits to be written, at most: 4 s of eight axes at 1 kHz. Beyond that it is lost, and
 /// counted.

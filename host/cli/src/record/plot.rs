@@ -1,4 +1,4 @@
-//! `mgw plot`: curves of chosen fields over time, as SVG.
+//! `mgw plot`: curves of chosen fields over time, as a picture.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -10,6 +10,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use serde_json::{Value, json};
 
+use super::picture::{Drawing, Format, picture};
 use super::play::{each, wanted};
 use super::read::Recorded;
 use crate::args::PlotArgs;
@@ -28,7 +29,7 @@ type Curve = Vec<(f64, f64)>;
 
 /// What is drawn.
 #[derive(Default)]
-struct Picture {
+struct Curves {
     /// By field and axis.
     curves: BTreeMap<(usize, u64), Curve>,
     /// When axes tripped.
@@ -43,18 +44,13 @@ pub fn run(arguments: &PlotArgs, out: Output) -> Result<(), Failure> {
             arguments.part.files.first().map(|file| file.with_extension("svg")).unwrap_or_default()
         }
     };
-    if output.extension().is_some_and(|extension| !extension.eq_ignore_ascii_case("svg")) {
-        return Err(Failure::Usage(format!(
-            "{}: pictures are SVG, which every browser shows; name a file that ends in .svg",
-            output.display()
-        )));
-    }
+    let format = Format::of(&output)?;
     let mut fields = arguments.fields.clone();
     fields.dedup();
     let names: Vec<&str> =
         fields.iter().filter_map(|field| states::json_names(field).first().copied()).collect();
     let wanted = wanted(&arguments.part, &[]);
-    let mut picture = Picture::default();
+    let mut picture = Curves::default();
     each(&arguments.part.files, &wanted, out, |message| {
         picture.take(&message, &names, &arguments.part.axes);
         Ok(())
@@ -68,10 +64,10 @@ pub fn run(arguments: &PlotArgs, out: Output) -> Result<(), Failure> {
         });
     }
     let charts = picture.curves.len();
-    let svg = picture.svg(&names).map_err(|error| Failure::NotMeasured {
+    let drawn = picture.file(&names, format).map_err(|error| Failure::NotMeasured {
         text: format!("the picture cannot be drawn ({error})"),
     })?;
-    write(&output, &svg, arguments.force)?;
+    write(&output, &drawn, arguments.force)?;
     out.event(
         "drawn",
         format!("{charts} curves are in {}", output.display()),
@@ -79,14 +75,14 @@ pub fn run(arguments: &PlotArgs, out: Output) -> Result<(), Failure> {
     )
 }
 
-fn write(path: &Path, text: &str, force: bool) -> Result<(), Failure> {
+fn write(path: &Path, bytes: &[u8], force: bool) -> Result<(), Failure> {
     let mut options = OpenOptions::new();
     let options = options.write(true).create(force).truncate(force).create_new(!force);
-    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
+    let written = options.open(path).and_then(|mut file| file.write_all(bytes));
     written.map_err(|source| Failure::Unwritten { path: path.display().to_string(), source })
 }
 
-impl Picture {
+impl Curves {
     fn take(&mut self, message: &Recorded, names: &[&str], axes: &[u8]) {
         let (Some(time), value) = (message.time_s(), &message.value) else { return };
         if value["event"] == "tripped" {
@@ -110,30 +106,25 @@ impl Picture {
         }
     }
 
-    fn svg(&self, names: &[&str]) -> Result<String, Box<dyn std::error::Error>> {
-        let mut text = String::new();
+    /// The bytes of the picture: a chart for each field of which there is something.
+    fn file(&self, names: &[&str], format: Format) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
         let charts: Vec<usize> = (0..names.len())
             .filter(|place| self.curves.keys().any(|(of, _)| of == place))
             .collect();
         let height = HEIGHT * u32::try_from(charts.len())?;
-        let root = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
-        root.fill(&WHITE)?;
-        let span = span(self.curves.values().flatten().map(|point| point.0));
-        for (area, place) in root.split_evenly((charts.len(), 1)).iter().zip(charts) {
-            self.chart(area, names[place], place, span.clone())?;
-        }
-        root.present()?;
-        drop(root);
-        Ok(text)
+        picture(format, (WIDTH, height), &Charts { curves: self, names, charts })
     }
 
-    fn chart(
+    fn chart<B: DrawingBackend>(
         &self,
-        area: &DrawingArea<SVGBackend<'_>, Shift>,
+        area: &DrawingArea<B, Shift>,
         name: &str,
         place: usize,
         times: Range<f64>,
-    ) -> Result<(), Box<dyn std::error::Error>> {
+    ) -> Result<(), Box<dyn std::error::Error>>
+    where
+        B::ErrorType: 'static,
+    {
         let curves: Vec<(u64, &Curve)> = self
             .curves
             .iter()
@@ -159,6 +150,32 @@ impl Picture {
             chart.draw_series([PathElement::new(line, RED.stroke_width(2))])?;
         }
         chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
+        Ok(())
+    }
+}
+
+/// The charts of a picture, one below the other.
+struct Charts<'a> {
+    curves: &'a Curves,
+    names: &'a [&'a str],
+    /// The places of their fields among the names.
+    charts: Vec<usize>,
+}
+
+impl Drawing for Charts<'_> {
+    fn draw<B: DrawingBackend>(
+        &self,
+        on: &DrawingArea<B, Shift>,
+    ) -> Result<(), Box<dyn std::error::Error>>
+    where
+        B::ErrorType: 'static,
+    {
+        on.fill(&WHITE)?;
+        let times = span(self.curves.curves.values().flatten().map(|point| point.0));
+        for (area, place) in on.split_evenly((self.charts.len(), 1)).iter().zip(&self.charts) {
+            let name = self.names.get(*place).copied().unwrap_or_default();
+            self.curves.chart(area, name, *place, times.clone())?;
+        }
         Ok(())
     }
 }
@@ -202,6 +219,73 @@ fn thinned(curve: &Curve, times: &Range<f64>) -> Curve {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Two curves at 0 and at 10, and a trip in the middle of the time.
+    fn two_lines() -> Curves {
+        let line = |value| (0..=100).map(|at| (f64::from(at), value)).collect();
+        let curves = BTreeMap::from([((0, 0), line(0.0)), ((0, 1), line(10.0))]);
+        Curves { curves, trips: vec![50.0] }
+    }
+
+    /// The colours of the first two curves, of a trip, and of what there is nothing on.
+    const COLOURS: [[u8; 3]; 4] = [[230, 25, 75], [60, 180, 75], [255, 0, 0], [255, 255, 255]];
+
+    #[test]
+    fn the_pixels_of_a_png_are_where_the_curves_belong() {
+        let file = two_lines().file(&["velocity_rad_s"], Format::Png).unwrap();
+        assert_eq!(file[..8], *b"\x89PNG\r\n\x1a\n");
+        let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height, info.color_type), (960, 280, png::ColorType::Rgb));
+        let at = |x: usize, y: usize| -> [u8; 3] {
+            pixels[3 * (y * 960 + x)..][..3].try_into().unwrap()
+        };
+        let [first, second, trip, white] = COLOURS;
+        let rows = |x: usize, colour| (0..280).filter(|y| at(x, *y) == colour).collect::<Vec<_>>();
+        // The chart is 864 by 220 pixels with its corner at (84, 12); values from -0.5 to 10.5 lie
+        // in its height, times from -5 to 105 in its width.
+        let is_near = |rows: Vec<usize>, row: usize| {
+            rows.len() == 1 && rows.iter().all(|of| of.abs_diff(row) <= 1)
+        };
+        for x in [200, 400, 700] {
+            assert!(is_near(rows(x, first), 222), "{:?}", rows(x, first));
+            assert!(is_near(rows(x, second), 22), "{:?}", rows(x, second));
+        }
+        for x in [90, 940] {
+            assert!(rows(x, first).is_empty() && rows(x, second).is_empty(), "before and after");
+        }
+        let middle = (514..=518).map(|x| rows(x, trip).len()).max();
+        assert!(middle > Some(200), "{middle:?}");
+        // Its name stands on the left, the times below, each of them text.
+        let dark = |xs: Range<usize>, ys: Range<usize>| {
+            let all = xs.flat_map(|x| ys.clone().map(move |y| (x, y)));
+            all.filter(|(x, y)| at(*x, *y).iter().all(|part| *part < 100)).count()
+        };
+        assert!(dark(12..40, 60..200) > 100 && dark(84..948, 236..280) > 100);
+        assert_eq!(at(1, 1), white);
+    }
+
+    #[test]
+    fn an_svg_has_its_text_as_text() {
+        let file = two_lines().file(&["velocity_rad_s"], Format::Svg).unwrap();
+        let text = String::from_utf8(file).unwrap();
+        assert!(text.starts_with("<svg width=\"960\" height=\"280\""), "{}", &text[..80]);
+        for part in ["velocity_rad_s", "gateway time, s", "axis 0", "axis 1", "#E6194B"] {
+            assert!(text.contains(part), "{part}");
+        }
+    }
+
+    #[test]
+    fn other_pictures_are_refused_by_name() {
+        assert_eq!(Format::of(Path::new("a/b.PNG")).unwrap(), Format::Png);
+        assert_eq!(Format::of(Path::new("run.svg")).unwrap(), Format::Svg);
+        for name in ["run.jpg", "run", "png", "run.png.gz"] {
+            let text = Format::of(Path::new(name)).unwrap_err().to_string();
+            let wanted = "pictures are SVG or PNG; name a file that ends in .svg or .png";
+            assert_eq!(text, format!("{name}: {wanted}"));
+        }
+    }
 
     #[test]
     fn a_long_curve_keeps_its_peaks() {

@@ -11,11 +11,8 @@ use host_protocol::{
 use mgw_serve::{SERVER, Seen};
 use serde_json::Value;
 
-use super::encode::Message;
 use super::file::Sink;
-use super::item::Item;
 use super::read::Recorded;
-use super::schemas::Schema;
 use super::*;
 
 const AT: Duration = Duration::from_millis(1_500);

@@ -5,11 +5,14 @@ mod commands;
 mod config;
 mod cycle;
 mod decode;
+mod delays;
 mod demonstration;
 mod doctor;
 mod encode;
 mod explain;
 mod faults;
+#[cfg(unix)]
+mod flood;
 mod guide;
 mod hostile_text;
 #[cfg(unix)]
@@ -30,7 +33,11 @@ mod schema;
 mod server;
 mod support;
 mod terminal;
+#[cfg(target_os = "linux")]
+mod top;
 mod typed;
 mod update;
 mod vectors;
+#[cfg(unix)]
+mod view;
 mod watch;

@@ -105,6 +105,9 @@ fn a_server_and_a_watcher_record_the_same_trip_of_another_program() {
     mgw(&["plot", &by_server, "--axis", "0", "--output", &picture]).success();
     let svg = fs::read_to_string(&picture).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("axis 0") && svg.contains("velocity_rad_s"));
+    let pixels = file("trip.png");
+    mgw(&["plot", &by_server, "--axis", "0", "--output", &pixels]).success();
+    assert!(fs::read(&pixels).unwrap().starts_with(b"\x89PNG\r\n"));
     let text = mgw(&["plot", &by_server, "--output", &picture]).failure(1);
     assert!(text.contains("is there already"), "{text}");
 }
@@ -164,7 +167,8 @@ fn a_file_that_cannot_be_written_is_told_and_stops_nothing() {
     assert!(text.contains("cannot write /nowhere/run.mcap"), "{text}");
     let text = mgw(&["play", &path]).failure(1);
     assert!(text.contains("no MCAP file"), "{text}");
-    mgw(&["plot", &path, "--output", "x.png"]).failure(2);
+    let text = mgw(&["plot", &path, "--output", "x.jpg"]).failure(2);
+    assert!(text.contains("x.jpg: pictures are SVG or PNG; name a file that ends in"), "{text}");
     if !cfg!(target_os = "linux") {
         return;
     }

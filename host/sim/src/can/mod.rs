@@ -17,6 +17,11 @@ use self::bits::{ERROR_FRAME, FrameBits, INTERMISSION, SUSPEND, priority};
 use self::node::{Node, Pending};
 use crate::bus::{BusFault, Station, bit_time};
 
+/// Bits of a frame on the wire, stuffed, from the start bit to the end of frame.
+pub fn frame_bits(frame: &CanFrame) -> u64 {
+    FrameBits::of(frame).frame()
+}
+
 /// Something that the bus did to its stations.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum CanOutcome {

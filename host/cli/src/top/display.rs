@@ -1,0 +1,95 @@
+//! The terminal while it shows the live view, and as it was before afterwards: also after a panic.
+
+use std::io::{self, IsTerminal, Stdout, Write};
+use std::panic;
+
+use crossterm::cursor::{Hide, Show};
+use crossterm::execute;
+use crossterm::terminal::{
+    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+};
+use ratatui::Terminal;
+use ratatui::backend::CrosstermBackend;
+use ratatui::text::Line;
+use ratatui::widgets::Paragraph;
+
+use crate::failure::Failure;
+use crate::output::Output;
+
+/// Refuses where there is nothing to draw on, and says what does without.
+pub fn refuse_without_terminal(out: Output) -> Result<(), Failure> {
+    let instead = "`mgw watch` prints samples and events, `mgw state` how the axes are now; both \
+        have --json";
+    let wrong = if out.is_json() {
+        "top draws on a terminal and has no JSON"
+    } else if !io::stdout().is_terminal() {
+        "top draws on a terminal, and standard output is none"
+    } else if !io::stdin().is_terminal() {
+        "top follows the keys of a terminal, and standard input is none"
+    } else if std::env::var_os("TERM").is_some_and(|terminal| terminal == "dumb") {
+        "top places text on a terminal, and TERM=dumb cannot"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::Usage(format!("{wrong}; {instead}")))
+}
+
+/// Whether colours are wanted.
+pub fn has_colour() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
+/// The terminal; as it was before when this is dropped.
+pub struct Display {
+    terminal: Terminal<CrosstermBackend<Stdout>>,
+}
+
+impl Display {
+    /// Takes the terminal over.
+    pub fn open() -> Result<Self, Failure> {
+        let before = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            restore();
+            before(info);
+        }));
+        enable_raw_mode().map_err(gone)?;
+        let opened = execute!(io::stdout(), EnterAlternateScreen, Hide)
+            .and_then(|()| Terminal::new(CrosstermBackend::new(io::stdout())));
+        match opened {
+            Ok(terminal) => Ok(Self { terminal }),
+            Err(error) => {
+                restore();
+                Err(gone(error))
+            }
+        }
+    }
+
+    /// Shows the lines that are made for its size.
+    pub fn show(
+        &mut self,
+        lines: impl FnOnce(u16, u16) -> Vec<Line<'static>>,
+    ) -> Result<(), Failure> {
+        let drawn = self.terminal.draw(|frame| {
+            let area = frame.area();
+            frame.render_widget(Paragraph::new(lines(area.width, area.height)), area);
+        });
+        drawn.map(drop).map_err(gone)
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        restore();
+    }
+}
+
+/// With nobody to see it there is nothing more to do.
+fn restore() {
+    let _ = disable_raw_mode();
+    let _ = execute!(io::stdout(), LeaveAlternateScreen, Show);
+    let _ = io::stdout().flush();
+}
+
+fn gone(source: io::Error) -> Failure {
+    Failure::File { path: "the terminal".to_owned(), source }
+}

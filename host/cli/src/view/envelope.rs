@@ -1,0 +1,151 @@
+//! Samples between two pictures: of each axis the lowest, the highest and the last value of each
+//! field, however many there were. Pure.
+
+use std::collections::BTreeMap;
+
+use host_protocol::{AxisState, CycleMessage, Event, EventMessage};
+use serde_json::{Value, json};
+
+use crate::json;
+use crate::output::number;
+
+/// The fields of a sample that are numbers, as they are called in JSON.
+const FIELDS: [&str; 6] = [
+    "position_rad",
+    "velocity_rad_s",
+    "current_a",
+    "voltage_v",
+    "motor_temperature_c",
+    "driver_temperature_c",
+];
+
+/// The values of a field.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Span {
+    low: f32,
+    high: f32,
+    last: f32,
+}
+
+/// One axis since the last picture.
+#[derive(Debug, Clone)]
+struct Axis {
+    samples: u64,
+    time_us: u64,
+    state: AxisState,
+    fields: [Option<Span>; FIELDS.len()],
+}
+
+/// All axes since the last picture.
+#[derive(Debug, Default)]
+pub struct Envelope(BTreeMap<u8, Axis>);
+
+impl Envelope {
+    /// Takes a sample in; whether the event was one.
+    pub fn take(&mut self, message: &EventMessage) -> bool {
+        let Event::Sample {
+            axis,
+            state,
+            position_rad,
+            velocity_rad_s,
+            current_a,
+            voltage_v,
+            motor_temperature_c,
+            driver_temperature_c,
+            ..
+        } = message.event
+        else {
+            return false;
+        };
+        let readings = [
+            position_rad,
+            velocity_rad_s,
+            current_a,
+            voltage_v,
+            motor_temperature_c,
+            driver_temperature_c,
+        ];
+        let values = readings.map(|reading| reading.map(|reading| reading.value));
+        self.put(axis, message.time_us, state, &values);
+        true
+    }
+
+    /// Takes a period of a free-running cycle in.
+    pub fn take_cycle(&mut self, message: &CycleMessage) {
+        for state in message.event.states() {
+            let values = [state.position_rad, state.velocity_rad_s, state.current_a];
+            self.put(state.axis, message.time_us, state.state, &values);
+        }
+    }
+
+    fn put(&mut self, axis: u8, time_us: u64, state: AxisState, values: &[Option<f32>]) {
+        let new = Axis { samples: 0, time_us, state, fields: Default::default() };
+        let of = self.0.entry(axis).or_insert(new);
+        of.samples += 1;
+        (of.time_us, of.state) = (time_us, state);
+        let all = of.fields.iter_mut().zip(values);
+        for (field, value) in all.filter_map(|(field, value)| Some((field, (*value)?))) {
+            let span = field.get_or_insert(Span { low: value, high: value, last: value });
+            *span = Span { low: span.low.min(value), high: span.high.max(value), last: value };
+        }
+    }
+
+    /// What there was, and begins anew.
+    pub fn draw(&mut self) -> Value {
+        let all = std::mem::take(&mut self.0);
+        all.into_iter().map(|(axis, of)| of.into_json(axis)).collect()
+    }
+}
+
+impl Axis {
+    fn into_json(self, axis: u8) -> Value {
+        let mut value = json::axis::in_state(axis, self.state);
+        json::extend(&mut value, json!({ "samples": self.samples, "time_us": self.time_us }));
+        for (name, span) in FIELDS.iter().zip(self.fields) {
+            if let Some(Span { low, high, last }) = span {
+                value[*name] = json!([number(low), number(high), number(last)]);
+            }
+        }
+        value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_protocol::Reading;
+
+    fn sample(time_us: u64, velocity: f32) -> EventMessage {
+        let event = Event::Sample {
+            axis: 3,
+            state: AxisState::Active,
+            position_rad: None,
+            velocity_rad_s: Some(Reading { value: velocity, age_us: 0 }),
+            current_a: None,
+            voltage_v: None,
+            motor_temperature_c: None,
+            driver_temperature_c: None,
+            faults: None,
+        };
+        EventMessage { dropped: 0, time_us, event }
+    }
+
+    #[test]
+    fn a_flood_becomes_one_picture_that_hides_no_peak() {
+        let mut envelope = Envelope::default();
+        for time_us in 0..8_000_u16 {
+            let velocity = match time_us {
+                4_000 => 9.0,
+                4_001 => -7.0,
+                _ => 0.5,
+            };
+            assert!(envelope.take(&sample(u64::from(time_us), velocity)));
+        }
+        let wanted = json!([{
+            "axis": 3, "state": "active", "stop_confirmed": null, "samples": 8_000,
+            "time_us": 7_999, "velocity_rad_s": [-7.0, 9.0, 0.5],
+        }]);
+        assert_eq!(envelope.draw(), wanted);
+        assert_eq!(envelope.draw(), json!([]), "it begins anew");
+    }
+}

@@ -1,0 +1,416 @@
+//! `mgw top` in a pseudo terminal, a simulated gateway at another one. What went over the buses is
+//! what the simulator says.
+
+use std::cell::RefCell;
+use std::fs::File;
+use std::io::{ErrorKind, Read, Write};
+use std::process::{Child, Stdio};
+use std::rc::Rc;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use host_protocol::Setpoint;
+use mgw_cli::run_on;
+use mgw_client::{Client, Interrupt};
+use mgw_sim::{SimTransport, Wiring, World};
+use nix::pty::{Winsize, openpty};
+use nix::sys::signal::{self, Signal};
+use nix::sys::termios::{Termios, tcgetattr};
+use nix::unistd::Pid;
+use serialport::{SerialPort, TTYPort};
+
+use crate::support::{LIMIT, Process, Sim, command, mgw};
+
+/// The link of the device, and that by which the gateway is configured and an axis moved.
+const LINK: u8 = 0;
+const OTHER_LINK: u8 = 1;
+/// How long threads wait for bytes.
+const LOOK_EVERY: Duration = Duration::from_millis(1);
+const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+const WIDTH: u16 = 80;
+const HEIGHT: u16 = 24;
+
+/// What the other end of the device is asked for.
+enum Ask {
+    /// Another host moves axis 0, and says nothing more.
+    Move,
+    /// From now on the program hears nothing more of the gateway, or hears it again.
+    Mute(bool),
+    /// The frames that have been on the buses since the last time.
+    Frames(Sender<Vec<String>>),
+}
+
+/// A gateway behind a device.
+struct Device {
+    name: String,
+    asks: Option<Sender<Ask>>,
+    server: Option<JoinHandle<()>>,
+}
+
+impl Device {
+    fn open() -> Self {
+        let (gateway_end, program_end) = TTYPort::pair().expect("a pseudo terminal");
+        let name = program_end.name().expect("it has a name");
+        // Kept open, or the device hangs up with the program.
+        let kept = File::options().read(true).write(true).open(&name).expect("it is there");
+        drop(program_end);
+        let (asks, asked) = channel();
+        let server = std::thread::spawn(move || {
+            serve(gateway_end, &asked);
+            drop(kept);
+        });
+        Self { name, asks: Some(asks), server: Some(server) }
+    }
+
+    fn ask(&self, ask: Ask) {
+        self.asks.as_ref().expect("it runs").send(ask).expect("it runs");
+    }
+
+    fn frames(&self) -> Vec<String> {
+        let (told, heard) = channel();
+        self.ask(Ask::Frames(told));
+        heard.recv_timeout(LIMIT).expect("it runs")
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        drop(self.asks.take());
+        let _ = self.server.take().map(JoinHandle::join);
+    }
+}
+
+fn serve(mut device: TTYPort, asked: &Receiver<Ask>) {
+    let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
+    let other = |world: &Rc<RefCell<World>>| SimTransport::new(world.clone(), OTHER_LINK);
+    let configured = ["config", "apply", CONFIGURATION];
+    let outcome = run_on(Box::new(other(&world)), Interrupt::default(), &configured);
+    assert_eq!(outcome.exit_code, 0, "{outcome:?}");
+    device.set_timeout(LOOK_EVERY).expect("a timeout");
+    let (begin, start) = (world.borrow().now(), Instant::now());
+    let (mut frames, mut mute) = (Vec::new(), false);
+    loop {
+        match asked.try_recv() {
+            Ok(Ask::Move) => {
+                let mut client = Client::connect(other(&world)).expect("it answers");
+                let epoch = client.arm(0).expect("it arms").epoch;
+                let setpoint = Setpoint::Velocity { velocity_rad_s: 2.0 };
+                let ttl = client.axis_ttl(0).expect("it has one") / 2;
+                client.set(0, epoch, setpoint, ttl).expect("it moves");
+            }
+            Ok(Ask::Mute(is_mute)) => mute = is_mute,
+            Ok(Ask::Frames(told)) => told.send(std::mem::take(&mut frames)).expect("it waits"),
+            Err(TryRecvError::Empty) => {}
+            Err(TryRecvError::Disconnected) => return,
+        }
+        let mut buffer = [0; 512];
+        let count = match device.read(&mut buffer) {
+            Ok(count) => count,
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => 0,
+            Err(error) => panic!("{error}"),
+        };
+        let elapsed = u64::try_from(start.elapsed().as_micros()).expect("not so long");
+        let mut world = world.borrow_mut();
+        world.host_send(LINK, &buffer[..count]);
+        world.run_until(begin + gateway::Duration::from_micros(elapsed));
+        let answers = world.host_receive(LINK);
+        if !mute {
+            device.write_all(&answers).expect("it is read");
+        }
+        frames.extend(world.trace().iter().map(|entry| format!("{} {}", entry.bus, entry.wire)));
+    }
+}
+
+/// What a terminal shows of what is written to it: text, and where the cursor is put.
+struct Shown {
+    rows: Vec<Vec<char>>,
+    row: usize,
+    column: usize,
+    /// The beginning of an escape sequence that goes on.
+    escape: Option<String>,
+    /// Bytes of a character that goes on.
+    partial: Vec<u8>,
+    /// Everything.
+    raw: Vec<u8>,
+}
+
+impl Shown {
+    fn new() -> Self {
+        let rows = vec![vec![' '; usize::from(WIDTH)]; usize::from(HEIGHT)];
+        Self { rows, row: 0, column: 0, escape: None, partial: Vec::new(), raw: Vec::new() }
+    }
+
+    fn take(&mut self, bytes: &[u8]) {
+        self.raw.extend(bytes);
+        self.partial.extend(bytes);
+        let text = match std::str::from_utf8(&self.partial) {
+            Ok(text) => text.to_owned(),
+            Err(error) => String::from_utf8_lossy(&self.partial[..error.valid_up_to()]).into(),
+        };
+        self.partial.drain(..text.len());
+        text.chars().for_each(|character| self.put(character));
+    }
+
+    fn put(&mut self, character: char) {
+        match (&mut self.escape, character) {
+            (None, '\u{1b}') => self.escape = Some(String::new()),
+            (None, '\r') => self.column = 0,
+            (None, '\n') => self.row += 1,
+            (None, character) => {
+                let cell = self.rows.get_mut(self.row).and_then(|row| row.get_mut(self.column));
+                // What is printed after the screen is given back stands elsewhere.
+                if let Some(cell) = cell {
+                    *cell = character;
+                }
+                self.column += 1;
+            }
+            (Some(escape), character) => {
+                escape.push(character);
+                let is_end = character.is_ascii_alphabetic() || character == '~';
+                if is_end && let Some(sequence) = self.escape.take() {
+                    self.obey(&sequence);
+                }
+            }
+        }
+    }
+
+    fn obey(&mut self, sequence: &str) {
+        let Some(inner) = sequence.strip_prefix('[') else { return };
+        if let Some(place) = inner.strip_suffix('H') {
+            let mut numbers = place.split(';').map(|text| text.parse::<usize>().unwrap_or(1));
+            self.row = numbers.next().unwrap_or(1) - 1;
+            self.column = numbers.next().unwrap_or(1) - 1;
+        } else if inner == "2J" {
+            self.rows.iter_mut().flatten().for_each(|cell| *cell = ' ');
+        }
+    }
+
+    fn text(&self) -> String {
+        let lines = self.rows.iter().map(|row| row.iter().collect::<String>());
+        lines.map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// `mgw top` in a terminal of its own.
+struct Top {
+    keys: File,
+    /// The program's side, to see how the terminal is set.
+    terminal: File,
+    before: Termios,
+    shown: Arc<Mutex<Shown>>,
+    program: Child,
+}
+
+impl Top {
+    fn start(port: &str) -> Self {
+        let size = Winsize { ws_row: HEIGHT, ws_col: WIDTH, ws_xpixel: 0, ws_ypixel: 0 };
+        let pty = openpty(Some(&size), None).expect("a pseudo terminal");
+        let terminal = File::from(pty.slave);
+        let before = tcgetattr(&terminal).expect("it is a terminal");
+        let side = || Stdio::from(terminal.try_clone().expect("once more"));
+        let mut command = command(&["--port", port, "top"]);
+        command.env("TERM", "xterm").env("NO_COLOR", "1");
+        command.stdin(side()).stdout(side()).stderr(side());
+        let program = command.spawn().expect("it starts");
+        let keys = File::from(pty.master);
+        let mut output = keys.try_clone().expect("once more");
+        let shown = Arc::new(Mutex::new(Shown::new()));
+        let screen = shown.clone();
+        std::thread::spawn(move || {
+            let mut buffer = [0; 4096];
+            while let Ok(count @ 1..) = output.read(&mut buffer) {
+                screen.lock().expect("nobody panicked").take(&buffer[..count]);
+            }
+        });
+        Self { keys, terminal, before, shown, program }
+    }
+
+    fn press(&mut self, key: &str) {
+        self.keys.write_all(key.as_bytes()).expect("it is read");
+    }
+
+    fn screen(&self) -> String {
+        self.shown.lock().expect("nobody panicked").text()
+    }
+
+    /// Until the screen is so; it.
+    fn wait_for(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
+        let end = Instant::now() + LIMIT;
+        loop {
+            let screen = self.screen();
+            if is(&screen) {
+                return screen;
+            }
+            assert!(Instant::now() < end, "never {what}:\n{screen}");
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    /// The exit code; the terminal is as it was before.
+    fn end(mut self) -> Option<i32> {
+        let end = Instant::now() + LIMIT;
+        let code = loop {
+            if let Some(status) = self.program.try_wait().expect("it was started") {
+                break status.code();
+            }
+            assert!(Instant::now() < end, "it does not end:\n{}", self.screen());
+            std::thread::sleep(LOOK_EVERY);
+        };
+        assert_eq!(tcgetattr(&self.terminal).expect("it is a terminal"), self.before);
+        let left = "\u{1b}[?1049l";
+        let is_left = |top: &Self| {
+            let shown = top.shown.lock().expect("nobody panicked");
+            let raw = String::from_utf8_lossy(&shown.raw).into_owned();
+            raw.rfind(left).is_some_and(|at| raw[at..].contains("\u{1b}[?25h"))
+        };
+        while !is_left(&self) {
+            assert!(Instant::now() < end, "the terminal is not given back");
+            std::thread::sleep(LOOK_EVERY);
+        }
+        code
+    }
+}
+
+impl Drop for Top {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+#[test]
+fn an_axis_that_trips_is_shown_and_the_stop_key_stops_everything() {
+    let device = Device::open();
+    let mut top = Top::start(&device.name);
+    top.wait_for("all axes", |screen| {
+        [">   0", "    1", "    2", "    3"].iter().all(|axis| screen.contains(axis))
+            && screen.contains("bit/s")
+    });
+    // Without a key it only asks.
+    let sent = device.frames();
+    let stops = |frames: &[String]| {
+        frames.iter().filter(|frame| frame.contains("141#81") || frame.contains("141#A2")).count()
+    };
+    assert_eq!(stops(&sent), 0, "{sent:?}");
+    device.ask(Ask::Move);
+    let screen = top.wait_for("tripped", |screen| {
+        screen.contains("TRIPPED") && screen.contains("      stop confirmed: ")
+    });
+    assert!(
+        screen.contains("[E-setpoint-expired]") || screen.contains("[E-host-silent]"),
+        "{screen}"
+    );
+    // The other host has gone, which ends its authority.
+    top.wait_for("nobody in command", |screen| screen.contains("command: nobody"));
+    // Its trip is cleared after a yes, and not without.
+    top.press("c");
+    top.wait_for("asked", |screen| screen.contains("clear the trip of axis 0? It stays disarmed"));
+    top.press("n");
+    top.wait_for("not asked", |screen| !screen.contains("clear the trip"));
+    assert!(top.screen().contains("TRIPPED"), "{}", top.screen());
+    top.press("cy");
+    top.wait_for("cleared", |screen| {
+        screen.contains("axis 0 is cleared") && !screen.contains("TRIPPED")
+    });
+    device.frames();
+    top.press(" ");
+    top.wait_for("confirmed", |screen| {
+        (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
+    });
+    // RMD V3.6 §2.16 on CAN and on RS485, the thruster's TC 0, the D5's speed 0.
+    let sent = device.frames();
+    for stop in [
+        "0 141#8100000000000000",
+        "0 30B#5443000000000000",
+        "1 00B#D50B050320000033",
+        "2 3E0108810000000000000032A5",
+    ] {
+        assert!(sent.iter().any(|frame| frame == stop), "{stop}: {sent:?}");
+    }
+    top.press("q");
+    assert_eq!(top.end(), Some(0));
+}
+
+#[test]
+fn the_stop_key_waits_for_no_answer() {
+    let device = Device::open();
+    let mut top = Top::start(&device.name);
+    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    device.ask(Ask::Mute(true));
+    device.frames();
+    // Whatever it has asked stays unanswered.
+    top.press(" ");
+    let end = Instant::now() + LIMIT;
+    let mut sent = Vec::new();
+    while !sent.iter().any(|frame| frame == "0 141#8100000000000000") {
+        assert!(Instant::now() < end, "no stop: {sent:?}\n{}", top.screen());
+        sent.extend(device.frames());
+        std::thread::sleep(LOOK_EVERY);
+    }
+    top.wait_for("kept", |screen| screen.contains("the stop is sent again until it is answered"));
+    device.ask(Ask::Mute(false));
+    top.wait_for("confirmed", |screen| {
+        (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
+    });
+    top.press("q");
+    assert_eq!(top.end(), Some(0));
+}
+
+#[test]
+fn a_signal_ends_it_and_gives_the_terminal_back() {
+    let device = Device::open();
+    for signal in [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP] {
+        let top = Top::start(&device.name);
+        top.wait_for("the axes", |screen| screen.contains(">   0"));
+        signal::kill(Pid::from_raw(top.program.id().cast_signed()), signal).expect("it runs");
+        assert_eq!(top.end(), Some(0), "{signal}");
+    }
+    let mut top = Top::start(&device.name);
+    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    top.press("\u{3}");
+    assert_eq!(top.end(), Some(0), "Ctrl-C as a key");
+}
+
+#[test]
+fn a_gateway_that_is_gone_is_connected_to_again_and_a_stop_asked_for_meanwhile_goes_out() {
+    let mut sim = Sim::start();
+    let mut top = Top::start(&sim.port);
+    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    sim.process.kill();
+    top.wait_for("lost", |screen| screen.contains("NOT CONNECTED, connecting again: "));
+    top.press(" ");
+    top.wait_for("kept", |screen| screen.contains("the stop is sent again until it is answered"));
+    let address = sim.port.strip_prefix("tcp:").expect("a TCP port");
+    let _again = Process::start(&["sim", "--listen", address]);
+    top.wait_for("confirmed", |screen| {
+        let confirmed =
+            (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")));
+        confirmed && screen.contains("mgw: connected again") && !screen.contains("NOT CONNECTED")
+    });
+    top.press("q");
+    assert_eq!(top.end(), Some(0));
+}
+
+#[test]
+fn a_stop_that_nobody_confirmed_is_the_end_of_it_too() {
+    let mut sim = Sim::start();
+    let mut top = Top::start(&sim.port);
+    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    sim.process.kill();
+    top.press(" ");
+    top.wait_for("kept", |screen| screen.contains("the stop is sent again until it is answered"));
+    top.press("q");
+    // As of `mgw stop`: it was written and not answered, or could not be written.
+    let code = top.end();
+    assert!(matches!(code, Some(1 | 3)), "{code:?}");
+}
+
+#[test]
+fn where_there_is_no_terminal_it_says_what_to_use_instead() {
+    let text = mgw(&["top"]).failure(2);
+    assert!(text.contains("standard output is none; `mgw watch` prints"), "{text}");
+    let text = mgw(&["--json", "top"]).failure(2);
+    assert!(text.contains("has no JSON") && text.contains("`mgw state`"), "{text}");
+}
