@@ -72,9 +72,19 @@ impl Check {
         if key == NO_KEY {
             return Ok(());
         }
-        let digest = self.hash.finalize();
-        let signature: &[u8; 64] = signature.try_into().map_err(|_| Wrong::NotSigned)?;
-        let key = PublicKey::try_from(&key).map_err(|_| Wrong::NotSigned)?;
-        key.verify(&digest, &Signature::from(signature)).map_err(|_| Wrong::NotSigned)
+        if is_signed(&key, &self.hash.finalize(), signature) {
+            Ok(())
+        } else {
+            Err(Wrong::NotSigned)
+        }
     }
+}
+
+/// Whether it is the key's signature of the digest. Apart, so that its kilobyte of stack is taken only
+/// while it works.
+#[inline(never)]
+fn is_signed(key: &[u8; KEY_SIZE], digest: &[u8], signature: &[u8]) -> bool {
+    let Ok(signature) = <&[u8; 64]>::try_from(signature) else { return false };
+    PublicKey::try_from(key)
+        .is_ok_and(|key| key.verify(digest, &Signature::from(signature)).is_ok())
 }
