@@ -70,6 +70,15 @@ impl From<ClientError> for Problem {
     }
 }
 
+/// An error as `mgw --json` prints it: an object with an `error`.
+pub fn error(error: ClientError) -> Value {
+    match error {
+        // As above.
+        ClientError::Gateway(error) => Failure::would_be_refused(error).to_json(),
+        error => Failure::from(error).to_json(),
+    }
+}
+
 /// The data of an error of the gateway, names and values in snake_case.
 pub fn fields(error: &Error) -> Value {
     let mut fields = Value::Object(json::variant(error).1);
@@ -361,6 +370,16 @@ mod tests {
         assert_eq!((&of["parameter_name"], &of["value"]), (&json!("ttl_us"), &json!(0.1)));
         let of = fields(&Error::Unsupported { axis: 1, protocol: Protocol::Thruster });
         assert_eq!(of, json!({ "axis": 1, "protocol": "thruster" }));
+    }
+
+    #[test]
+    fn an_error_reads_as_it_is_printed() {
+        let of = error(ClientError::Gateway(Error::UnknownAxis { axis: 40, max_axes: 32 }));
+        assert_eq!(of["error"]["name"], json!("unknown_axis"));
+        assert_eq!(
+            of["error"]["message"],
+            json!(Error::UnknownAxis { axis: 40, max_axes: 32 }.to_string())
+        );
     }
 
     #[test]
