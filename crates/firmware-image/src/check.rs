@@ -3,7 +3,7 @@
 use salty::{PublicKey, Sha512, Signature};
 
 use crate::header::{HEADER_OFFSET, HEADER_SIZE, Header, KEY_SIZE, NO_KEY};
-use crate::{CHECKSUM, FirmwareVersion};
+use crate::{CHECKSUM, FirmwareVersion, UNIT};
 
 /// Why an image is not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +64,9 @@ impl Check {
     ) -> Result<(), Wrong> {
         let header = Header::read(&self.header).map_err(|_| Wrong::Damaged)?;
         let is_announced = header.version == version && header.board() == board;
-        let is_whole = usize::try_from(header.length) == Ok(self.length);
+        let length =
+            usize::try_from(header.length).ok().and_then(|n| n.checked_next_multiple_of(UNIT));
+        let is_whole = length == Some(self.length);
         if self.checksum.finalize() != checksum || !is_announced || !is_whole {
             return Err(Wrong::Damaged);
         }

@@ -24,7 +24,7 @@ const LAYOUT: u16 = 1;
 /// | Bytes | |
 /// |---|---|
 /// | 0 | `MGWi` |
-/// | 4 | bytes of the image, u32: whole units of [`UNIT`](crate::UNIT) |
+/// | 4 | bytes of the image, u32 |
 /// | 8 | layout, u16: 1 |
 /// | 10 | version: major, minor, patch, each u16 |
 /// | 16 | name of its board, zeros behind it |

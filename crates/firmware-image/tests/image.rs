@@ -130,6 +130,26 @@ fn another_length_than_the_header_says_is_found() {
     }
 }
 
+/// An image is sent in whole units, wherever in the last one it ends.
+#[test]
+fn an_image_ends_in_its_last_unit() {
+    for (length, expected) in [
+        (0x340, Err(Wrong::Damaged)),
+        (0x341, Ok(())),
+        (0x360, Ok(())),
+        (0x361, Err(Wrong::Damaged)),
+        (u32::MAX, Err(Wrong::Damaged)),
+    ] {
+        let mut image = [0xFF; HEADER_OFFSET + 96];
+        let header = Header::new(VERSION, BOARD, NO_KEY).with_length(length).to_bytes();
+        image[HEADER_OFFSET..HEADER_OFFSET + 64].copy_from_slice(&header);
+        let mut check = Check::new(NO_KEY);
+        check.update(&image);
+        let checksum = CHECKSUM.checksum(&image);
+        assert_eq!(check.finish(BOARD, VERSION, checksum, &[]), expected, "{length:#x}");
+    }
+}
+
 #[test]
 fn another_board_or_version_than_announced_is_found() {
     let read = || {

@@ -51,9 +51,8 @@ impl ImageFile {
             return Err(why);
         };
         let mut bytes = flash[at..].to_vec();
-        bytes.resize(bytes.len().next_multiple_of(UNIT), ERASED);
         let length = usize::try_from(header.length).unwrap_or(usize::MAX);
-        if length < HEADER_OFFSET + HEADER_SIZE || !length.is_multiple_of(UNIT) {
+        if length < HEADER_OFFSET + HEADER_SIZE {
             return Err(format!("its header says that it has {length} bytes, which none has"));
         }
         if bytes.len() < length {
@@ -62,6 +61,7 @@ impl ImageFile {
         }
         // Behind it lies what else is in the flash.
         bytes.truncate(length);
+        bytes.resize(length.next_multiple_of(UNIT), ERASED);
         Ok(Self { header, bytes })
     }
 
@@ -150,7 +150,7 @@ mod tests {
     }
 
     fn header() -> Header {
-        let length = HEADER_OFFSET + HEADER_SIZE + UNIT;
+        let length = HEADER_OFFSET + HEADER_SIZE + 5;
         let header = Header::new(VERSION, "a-board", NO_KEY);
         header.with_length(u32::try_from(length).unwrap())
     }
@@ -234,10 +234,13 @@ mod tests {
         assert_eq!(refused(&whole[..whole.len() - 1]), "a part of it is missing");
         let far = elf(&[(0x0800_0000, &[0; 8]), (0x9000_0000, &[0; 8])]);
         assert_eq!(refused(&far), "its parts lie 2281701384 bytes apart");
-        let cut = "it was cut off: its header says that it has 864 bytes, and it has 832";
-        assert_eq!(refused(&image()[..HEADER_OFFSET + HEADER_SIZE]), cut);
-        assert_eq!(refused(&elf(&[(0x0802_0000, &image()[..832])])), cut);
-        for length in [0u32, 831, 833] {
+        for is in [832, 836] {
+            let cut =
+                format!("it was cut off: its header says that it has 837 bytes, and it has {is}");
+            assert_eq!(refused(&image()[..is]), cut);
+            assert_eq!(refused(&elf(&[(0x0802_0000, &image()[..is])])), cut);
+        }
+        for length in [0u32, 831] {
             let mut other = image();
             other[HEADER_OFFSET + 4..HEADER_OFFSET + 8].copy_from_slice(&length.to_le_bytes());
             let text = format!("its header says that it has {length} bytes, which none has");

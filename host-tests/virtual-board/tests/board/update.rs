@@ -7,7 +7,7 @@ mod only_h743 {
     use std::sync::LazyLock;
     use std::time::{Duration, Instant};
 
-    use firmware_image::{CHECKSUM, HEADER_OFFSET, Header};
+    use firmware_image::{CHECKSUM, HEADER_OFFSET, Header, UNIT};
     use host_protocol::requests::{ConfirmImage, FinishImage, WriteImage};
     use host_protocol::{
         BootReason, Call, Error, FirmwareVersion, ImageState, Kind, MAX_FRAME, MAX_IMAGE_BYTES,
@@ -50,7 +50,9 @@ mod only_h743 {
     fn new_image(machine: &mut Machine) -> Vec<u8> {
         let mut image = machine.read_memory(ACTIVE, ROOM);
         let mut header = Header::of_image(&image).expect("a header");
-        image.truncate(usize::try_from(header.length).expect("it fits"));
+        let length = usize::try_from(header.length).expect("it fits");
+        image.truncate(length);
+        image.resize(length.next_multiple_of(UNIT), 0xFF);
         header.version = NEW;
         let bytes = header.to_bytes();
         image[HEADER_OFFSET..HEADER_OFFSET + bytes.len()].copy_from_slice(&bytes);
