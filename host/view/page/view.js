@@ -4,7 +4,11 @@
 
 const BEAT_MS = 100;             // in command the page says this often that it is there
 const POST_AFTER_MS = 150;       // a stop that is not taken by then goes another way, too
+const POST_WITHIN_MS = 3500;     // one that nobody has answered by then is not taken
+const SILENT_MS = 3000;          // the server says something every second
 const RECONNECT_MS = 1000;
+const OLD_MS = 1000;             // a reading of before is marked
+const SAID_KEPT = 12;
 const SHOWN_S = 10;              // the curves' width
 const TEXT_EVERY_MS = 200;       // numbers in text change no faster
 const EVENTS_KEPT = 200;
@@ -31,6 +35,8 @@ const set = (element, text) => {
 };
 
 let socket = null;
+let heardAt = 0;                 // when the server said something last
+let isBlind = false;             // what is shown is not how it is now
 let token = '';
 let grant = '';
 let commands = false;
@@ -52,7 +58,10 @@ function send(ask) {
 }
 
 function say(text, urgent = false) {
-  $(urgent ? 'urgent' : 'polite').textContent = text;
+  // Each is a line of its own: what comes at once is all told.
+  const region = $(urgent ? 'urgent' : 'polite');
+  region.append(make('p', {}, text));
+  while (region.childElementCount > SAID_KEPT) region.firstElementChild.remove();
 }
 
 // ---------------------------------------------------------------- connection
@@ -72,18 +81,55 @@ function findToken() {
 
 function connect() {
   if (!token) return askForToken();
-  socket = new WebSocket(`ws://${location.host}/live`, ['mgw.view.v1', `token.${hex(token)}`]);
+  const own = new WebSocket(`ws://${location.host}/live`, ['mgw.view.v1', `token.${hex(token)}`]);
+  socket = own;
+  heardAt = performance.now();
   let opened = false;
-  socket.onopen = () => { opened = true; $('knock').hidden = true; };
-  socket.onmessage = (message) => hear(JSON.parse(message.data));
-  socket.onclose = () => {
+  own.onopen = () => { opened = true; $('knock').hidden = true; };
+  own.onmessage = (message) => {
+    if (socket !== own) return;
+    heardAt = performance.now();
+    hear(JSON.parse(message.data));
+  };
+  own.onclose = () => {
+    if (socket !== own) return;
+    socket = null;
     endJogs();
+    goBlind();
     showCommand(false, 'This page looks on.');
     set($('link'), opened ? 'the connection to the server is lost'
-      : 'no connection: the server has gone, or the token is not its own');
+      : 'no connection: the server has gone, has no room, or the token is not its own');
+    say($('link').textContent, true);
     if (!opened) askForToken();
     setTimeout(connect, RECONNECT_MS);
   };
+}
+
+// A connection that says nothing is as good as none.
+setInterval(() => {
+  if (!socket || performance.now() - heardAt < SILENT_MS) return;
+  const silent = socket;
+  silent.onclose();
+  silent.close();
+}, 500);
+
+// Nothing is known of the axes any more: nothing on the page says otherwise.
+function goBlind() {
+  if (isBlind) return;
+  isBlind = true;
+  for (const axis of axes.values()) {
+    axis.card.classList.add('blind');
+    set(axis.stateText, `unknown, was ${axis.stateText.textContent}`);
+    axis.stateText.className = 'state';
+    axis.state = '';
+    showValues(axis);
+  }
+  showControls();
+}
+
+function see() {
+  isBlind = false;
+  for (const axis of axes.values()) axis.card.classList.remove('blind');
 }
 
 function askForToken() {
@@ -110,11 +156,14 @@ const told = {
   },
   link(message) {
     set($('link'), message.connected ? 'connected' : `no gateway: ${message.message}`);
-    if (!message.connected) say(`no gateway: ${message.message}`, true);
+    if (message.connected) return see();
+    goBlind();
+    say(`no gateway: ${message.message}`, true);
   },
   axes(message) {
     set($('link'), `${message.name ?? 'connected'}: ${message.board}, firmware ${message.firmware}`);
     axes.clear();
+    isBlind = false;
     $('axes').replaceChildren();
     $('legend').replaceChildren();
     for (const axis of message.axes) addAxis(axis);
@@ -126,7 +175,7 @@ const told = {
     const { e_stop_latched: latched } = message.status;
     window.mgw.uncertainty_us = message.uncertainty_us;
     document.body.classList.toggle('latched', latched);
-    if (latched) set($('refused'), 'The e-stop is latched: mgw clear gateway releases it.');
+    set($('latch'), latched ? 'The e-stop is latched: mgw clear gateway releases it.' : '');
   },
   bus(message) {
     const { bus } = message;
@@ -139,7 +188,9 @@ const told = {
     showState(axis, message.axis.state, message.axis.stop_confirmed, message.trip_text);
     for (const [field] of FIELDS) {
       const reading = message.axis[field];
-      if (reading) axis.values.set(field, reading.value);
+      if (!reading) continue;
+      axis.values.set(field, reading.value);
+      axis.readAt.set(field, performance.now() - reading.age_us / 1000);
     }
     const faults = message.axis.faults ?? [];
     set(axis.faults, faults.length ? `faults: ${faults.join(', ')}` : '');
@@ -200,7 +251,7 @@ function addAxis(summary) {
   const called = summary.name ? `Axis ${number}, ${summary.name}` : `Axis ${number}`;
   const isThruster = summary.protocol === 'thruster';
   const axis = {
-    number, called, armedHere: false, state: '', stateTime: 0, values: new Map(), cells: new Map(),
+    number, called, armedHere: false, state: '', stateTime: 0, values: new Map(), readAt: new Map(), cells: new Map(),
     past: new Map(FIELDS.map(([field]) => [field, []])), pictured: 0,
     jogMode: isThruster ? 'signal' : 'velocity',
   };
@@ -319,7 +370,12 @@ function followState({ axis: number, state, stop_confirmed: confirmed, time_us: 
 function showValues(axis) {
   for (const [field, , unit, digits] of FIELDS) {
     const value = axis.values.get(field);
-    set(axis.cells.get(field), value === undefined ? '–' : `${value.toFixed(digits)} ${unit}`);
+    const age = performance.now() - (axis.readAt.get(field) ?? 0);
+    const isOld = value !== undefined && (isBlind || age > OLD_MS);
+    const text = value === undefined ? '–' : `${value.toFixed(digits)} ${unit}`;
+    const cell = axis.cells.get(field);
+    set(cell, isOld ? `${text}, ${(age / 1000).toFixed(0)} s old` : text);
+    cell.classList.toggle('old', isOld);
   }
 }
 
@@ -447,11 +503,11 @@ function stop(event) {
 
 async function postStop(asked) {
   try {
-    const answer = await fetch('/stop',
-      { method: 'POST', headers: { Authorization: `Bearer ${hex(token)}` } });
+    const answer = await fetch('/stop', { method: 'POST', signal: AbortSignal.timeout(POST_WITHIN_MS),
+      headers: { Authorization: `Bearer ${hex(token)}` } });
     const text = await answer.text();
     if (answer.ok) hearStop(JSON.parse(text));
-    else if (!asked.taken) set($('stopped'), `The stop is NOT taken: ${text}`);
+    else if (!asked.taken) set($('stopped'), `The stop is NOT taken: ${text} Use the e-stop.`);
   } catch (error) {
     if (!asked.taken) {
       set($('stopped'), `The stop is NOT taken, the server does not answer (${error.message}). ` +
@@ -570,6 +626,7 @@ function takePicture(message) {
       past.push([now, ...sample[field]]);
       while (past.length && past[0][0] < now - SHOWN_S - 1) past.shift();
       axis.values.set(field, sample[field][2]);
+      axis.readAt.set(field, performance.now());
     }
     // An event may have told of a later state.
     if (sample.time_us >= axis.stateTime) {

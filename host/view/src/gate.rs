@@ -113,21 +113,23 @@ impl Gate {
     }
 
     /// What every request must pass: its Host is ours. A name that another page has pointed at this
-    /// computer is refused, so addresses are numbers, or localhost.
+    /// computer is refused, so addresses are numbers, or localhost. `local`: the end of the connection
+    /// here.
     ///
     /// # Errors
     /// [`Refusal::WrongHost`].
-    pub fn check_host(&self, host: Option<&str>) -> Result<(), Refusal> {
-        let is_ours = host.is_some_and(|host| self.is_ours(host));
-        if is_ours { Ok(()) } else { Err(Refusal::WrongHost { allowed: self.allowed() }) }
+    pub fn check_host(&self, host: Option<&str>, local: IpAddr) -> Result<(), Refusal> {
+        let local = SocketAddr::new(local.to_canonical(), self.address.port());
+        let is_ours = host.is_some_and(|host| is_of(host, local));
+        if is_ours { Ok(()) } else { Err(Refusal::WrongHost { allowed: names(local) }) }
     }
 
     /// What a request that commands must pass: it is our own page, which has the token.
     ///
     /// # Errors
     /// The [`Refusal`].
-    pub fn check_command(&self, asker: &Asker<'_>) -> Result<(), Refusal> {
-        match self.check(asker)? {
+    pub fn check_command(&self, asker: &Asker<'_>, local: IpAddr) -> Result<(), Refusal> {
+        match self.check(asker, local)? {
             Grant::Command => Ok(()),
             Grant::Read => Err(Refusal::ReadsOnly),
         }
@@ -137,8 +139,8 @@ impl Gate {
     ///
     /// # Errors
     /// The [`Refusal`].
-    pub fn check(&self, asker: &Asker<'_>) -> Result<Grant, Refusal> {
-        self.check_host(asker.host)?;
+    pub fn check(&self, asker: &Asker<'_>, local: IpAddr) -> Result<Grant, Refusal> {
+        self.check_host(asker.host, local)?;
         let own = asker.host.map(|host| format!("http://{host}"));
         let grant = match asker.origin {
             // No page: browsers say the origin. Programs that are none read.
@@ -156,32 +158,24 @@ impl Gate {
             Err(Refusal::WrongToken)
         }
     }
+}
 
-    fn is_ours(&self, host: &str) -> bool {
-        let Some((name, port)) = split(host) else { return false };
-        if port != self.address.port() {
-            return false;
-        }
-        let here = self.address.ip();
-        if name.eq_ignore_ascii_case(LOCALHOST) {
-            return here.is_loopback() || here.is_unspecified();
-        }
-        match name.parse::<IpAddr>() {
-            Ok(ip) if here.is_unspecified() => !ip.is_multicast() && !ip.is_unspecified(),
-            Ok(ip) => ip == here,
-            Err(_) => false,
-        }
-    }
+/// Whether a Host names this end of a connection.
+fn is_of(host: &str, local: SocketAddr) -> bool {
+    let Some((name, port)) = split(host) else { return false };
+    let is_here = match name.parse::<IpAddr>() {
+        Ok(ip) => ip == local.ip(),
+        Err(_) => local.ip().is_loopback() && name.eq_ignore_ascii_case(LOCALHOST),
+    };
+    is_here && port == local.port()
+}
 
-    fn allowed(&self) -> String {
-        let (ip, port) = (self.address.ip(), self.address.port());
-        if ip.is_unspecified() {
-            format!("the number of this computer's address and port {port}")
-        } else if ip.is_loopback() {
-            format!("{} or {LOCALHOST}:{port}", self.address)
-        } else {
-            self.address.to_string()
-        }
+/// The Hosts that do.
+fn names(local: SocketAddr) -> String {
+    if local.ip().is_loopback() {
+        format!("{local} or {LOCALHOST}:{}", local.port())
+    } else {
+        local.to_string()
     }
 }
 
@@ -212,6 +206,7 @@ fn split(host: &str) -> Option<(&str, u16)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::net::Ipv4Addr;
 
     const TOKEN: &[u8] = b"0123456789abcdef";
 
@@ -225,11 +220,13 @@ mod tests {
         Asker { host: Some(host), origin: Some(origin), token: Some(TOKEN) }
     }
 
+    const LOOPBACK: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
+
     #[test]
     fn names_that_another_page_can_point_here_are_refused() {
         let gate = gate("127.0.0.1:7480");
         for ours in ["127.0.0.1:7480", "localhost:7480", "LOCALHOST:7480"] {
-            assert_eq!(gate.check_host(Some(ours)), Ok(()), "{ours}");
+            assert_eq!(gate.check_host(Some(ours), LOOPBACK), Ok(()), "{ours}");
         }
         for foreign in [
             "evil.example:7480",
@@ -247,34 +244,46 @@ mod tests {
             "0.0.0.0:7480",
             "2130706433:7480",
         ] {
-            let refused = gate.check_host(Some(foreign)).unwrap_err();
+            let refused = gate.check_host(Some(foreign), LOOPBACK).unwrap_err();
             assert_eq!(refused.status(), 421, "{foreign}");
         }
-        assert_eq!(gate.check_host(None).unwrap_err().status(), 421);
+        assert_eq!(gate.check_host(None, LOOPBACK).unwrap_err().status(), 421);
     }
 
     #[test]
     fn a_server_of_all_addresses_takes_numbers_and_no_names() {
         let gate = gate("0.0.0.0:7480");
-        for ours in ["192.168.1.4:7480", "localhost:7480", "[fe80::1]:7480"] {
-            assert_eq!(gate.check_host(Some(ours)), Ok(()), "{ours}");
+        let [wired, mapped] =
+            ["192.168.1.4", "::ffff:192.168.1.4"].map(|ip| ip.parse::<IpAddr>().unwrap());
+        for local in [wired, mapped] {
+            assert_eq!(gate.check_host(Some("192.168.1.4:7480"), local), Ok(()));
+            for foreign in [
+                "robot.local:7480",
+                "localhost:7480",
+                "192.168.1.4:80",
+                "8.8.8.8:7480",
+                "0.0.0.0:7480",
+                "[fe80::1]:7480",
+            ] {
+                assert!(gate.check_host(Some(foreign), local).is_err(), "{foreign}");
+            }
         }
-        for foreign in ["robot.local:7480", "evil.example:7480", "192.168.1.4:80"] {
-            assert!(gate.check_host(Some(foreign)).is_err(), "{foreign}");
-        }
+        let here = "[fe80::1]:7480";
+        assert_eq!(gate.check_host(Some(here), "fe80::1".parse().unwrap()), Ok(()));
+        assert_eq!(gate.check_host(Some("localhost:7480"), LOOPBACK), Ok(()));
     }
 
     #[test]
     fn only_the_own_page_commands() {
         let gate = gate("127.0.0.1:7480");
         let own = asker("localhost:7480", "http://localhost:7480");
-        assert_eq!(gate.check(&own), Ok(Grant::Command));
-        assert_eq!(gate.check_command(&own), Ok(()));
+        assert_eq!(gate.check(&own, LOOPBACK), Ok(Grant::Command));
+        assert_eq!(gate.check_command(&own, LOOPBACK), Ok(()));
         let reader = asker("127.0.0.1:7480", "https://app.foxglove.dev");
-        assert_eq!(gate.check(&reader), Ok(Grant::Read));
-        assert_eq!(gate.check_command(&reader), Err(Refusal::ReadsOnly));
+        assert_eq!(gate.check(&reader, LOOPBACK), Ok(Grant::Read));
+        assert_eq!(gate.check_command(&reader, LOOPBACK), Err(Refusal::ReadsOnly));
         let program = Asker { origin: None, ..own };
-        assert_eq!(gate.check(&program), Ok(Grant::Read));
+        assert_eq!(gate.check(&program, LOOPBACK), Ok(Grant::Read));
         for foreign in [
             "http://evil.example",
             "null",
@@ -285,7 +294,7 @@ mod tests {
             "",
             "file://",
         ] {
-            let refused = gate.check(&asker("localhost:7480", foreign)).unwrap_err();
+            let refused = gate.check(&asker("localhost:7480", foreign), LOOPBACK).unwrap_err();
             assert_eq!(refused, Refusal::ForeignOrigin { origin: foreign.to_owned() });
         }
     }
@@ -296,11 +305,11 @@ mod tests {
         for origin in ["http://localhost:7480", "https://app.foxglove.dev"] {
             let own = asker("localhost:7480", origin);
             let without = Asker { token: None, ..own };
-            assert_eq!(gate.check(&without), Err(Refusal::NoToken));
+            assert_eq!(gate.check(&without, LOOPBACK), Err(Refusal::NoToken));
             let tokens: [&[u8]; 4] = [b"", b"0123456789abcde", b"0123456789abcdeF", b"x"];
             for wrong in tokens {
                 let wrong = Asker { token: Some(wrong), ..own };
-                assert_eq!(gate.check(&wrong), Err(Refusal::WrongToken));
+                assert_eq!(gate.check(&wrong, LOOPBACK), Err(Refusal::WrongToken));
             }
         }
     }

@@ -1,9 +1,10 @@
 //! Sockets and threads around the [`Gate`]: each connection is one request, which is answered, or
 //! becomes a visitor.
 
-use std::net::{TcpListener, TcpStream};
-use std::sync::Arc;
+use std::collections::VecDeque;
+use std::net::{IpAddr, Shutdown, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -15,10 +16,10 @@ use crate::outbox::Outbox;
 use crate::page;
 use crate::socket::{self, Heard};
 
-/// Connections at a time that have not shown the token.
+/// Connections at a time that have not shown the token: one more ends the oldest.
 pub const STRANGERS: usize = 64;
-/// Visitors at a time.
-pub const VISITORS: usize = 32;
+/// Visitors at a time that may command, and as many that may read: neither shut the others out.
+pub const VISITORS: usize = 16;
 /// After a connection that could not be accepted.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 /// Where a WebSocket is opened.
@@ -72,24 +73,71 @@ pub struct House {
 /// Serves until the process ends.
 pub fn serve(listener: &TcpListener, gate: Gate, house: House) {
     let all = Arc::new((gate, house));
-    let (strangers, visitors) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
-    loop {
-        let Ok((mut stream, _)) = listener.accept() else {
+    let (strangers, rooms) = (Strangers::default(), Rooms::default());
+    for number in 0.. {
+        let accepted = listener.accept();
+        let entered =
+            accepted.and_then(|(stream, _)| Ok((strangers.enter(number, &stream)?, stream)));
+        let Ok((stranger, stream)) = entered else {
             thread::sleep(LOOK_AGAIN);
             continue;
         };
-        let Some(place) = Place::take(&strangers, STRANGERS) else {
-            refuse_quickly(&mut stream);
-            continue;
-        };
-        let (all, visitors) = (all.clone(), visitors.clone());
+        let (all, rooms) = (all.clone(), rooms.clone());
         thread::spawn(move || {
             let (gate, house) = &*all;
-            if let Some((visitor, _place)) = receive(stream, gate, house, &visitors) {
-                drop(place);
+            if let Some((visitor, _place)) = receive(stream, stranger, gate, house, &rooms) {
                 (house.attend)(visitor);
             }
         });
+    }
+}
+
+/// The connections that have not shown the token, the oldest first.
+#[derive(Clone, Default)]
+struct Strangers(Arc<Mutex<VecDeque<(u64, TcpStream)>>>);
+
+impl Strangers {
+    /// One more. Where there are too many the oldest ends: whoever has the token shows it at once, and
+    /// is let in however many others wait.
+    fn enter(&self, number: u64, stream: &TcpStream) -> std::io::Result<Stranger> {
+        let stream = stream.try_clone()?;
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if all.len() >= STRANGERS
+            && let Some((_, oldest)) = all.pop_front()
+        {
+            let _ = oldest.shutdown(Shutdown::Both);
+        }
+        all.push_back((number, stream));
+        Ok(Stranger { among: self.clone(), number })
+    }
+}
+
+/// One of them, until this is dropped.
+struct Stranger {
+    among: Strangers,
+    number: u64,
+}
+
+impl Drop for Stranger {
+    fn drop(&mut self) {
+        let mut all = self.among.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.retain(|(number, _)| *number != self.number);
+    }
+}
+
+/// How many visitors there are of each [`Grant`].
+#[derive(Clone, Default)]
+struct Rooms {
+    command: Arc<AtomicUsize>,
+    read: Arc<AtomicUsize>,
+}
+
+impl Rooms {
+    fn of(&self, grant: Grant) -> &Arc<AtomicUsize> {
+        match grant {
+            Grant::Command => &self.command,
+            Grant::Read => &self.read,
+        }
     }
 }
 
@@ -112,18 +160,13 @@ impl Drop for Place {
     }
 }
 
-fn refuse_quickly(stream: &mut TcpStream) {
-    use std::io::Write;
-    let _ = stream.set_write_timeout(Some(LOOK_AGAIN));
-    let _ = stream.write_all(b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\n\r\n");
-}
-
 /// Answers a request, or makes a visitor of who asks.
 fn receive(
     mut stream: TcpStream,
+    stranger: Stranger,
     gate: &Gate,
     house: &House,
-    visitors: &Arc<AtomicUsize>,
+    rooms: &Rooms,
 ) -> Option<(Visitor, Place)> {
     let head = match http::read_head(&mut stream) {
         Ok(head) => head,
@@ -142,7 +185,10 @@ fn receive(
     let token = token(&head);
     let asker =
         Asker { host: head.only("host"), origin: head.only("origin"), token: token.as_deref() };
-    match answer(&mut stream, &head, &asker, gate, house, visitors) {
+    let local = stream.local_addr().ok()?.ip();
+    // Who is known is not ended for others, as one whose stop is awaited.
+    let _stranger = if gate.check(&asker, local).is_ok() { None } else { Some(stranger) };
+    match answer(&mut stream, &head, &asker, local, gate, house, rooms) {
         Ok(Some((grant, speech, place))) => {
             let outbox = Outbox::default();
             let heard = socket::open(stream, &outbox).ok()?;
@@ -172,17 +218,18 @@ fn answer(
     stream: &mut TcpStream,
     head: &Head,
     asker: &Asker<'_>,
+    local: IpAddr,
     gate: &Gate,
     house: &House,
-    visitors: &Arc<AtomicUsize>,
+    rooms: &Rooms,
 ) -> Result<Option<(Grant, Speech, Place)>, Refusal> {
-    gate.check_host(asker.host)?;
+    gate.check_host(asker.host, local)?;
     let host = asker.host.unwrap_or_default();
     let is_root = head.path == "/";
     match head.method.as_str() {
         "GET" if head.path == LIVE || is_root && head.asks_for_websocket() => {
-            let grant = gate.check(asker)?;
-            return Ok(welcome(stream, head, grant, visitors));
+            let grant = gate.check(asker, local)?;
+            return Ok(welcome(stream, head, grant, rooms));
         }
         "GET" => match page::FILES.iter().find(|file| file.path == head.path) {
             Some(file) => {
@@ -198,12 +245,12 @@ fn answer(
             }
         },
         "POST" if head.path == STOP => {
-            gate.check_command(asker)?;
+            gate.check_command(asker, local)?;
             let (taken, text) = (house.stop)();
             http::answer_text(stream, if taken { 200 } else { 503 }, &text);
         }
         "POST" => {
-            gate.check_command(asker)?;
+            gate.check_command(asker, local)?;
             http::answer_text(stream, 404, &format!("a POST goes to {STOP}, nowhere else"));
         }
         _ => http::answer_text(stream, 405, "GET, or POST to stop"),
@@ -216,7 +263,7 @@ fn welcome(
     stream: &mut TcpStream,
     head: &Head,
     grant: Grant,
-    visitors: &Arc<AtomicUsize>,
+    rooms: &Rooms,
 ) -> Option<(Grant, Speech, Place)> {
     use std::io::Write;
     let offers = |name: &str| head.items("sec-websocket-protocol").any(|item| item == name);
@@ -236,8 +283,12 @@ fn welcome(
         http::answer_text(stream, 426, &text);
         return None;
     };
-    let Some(place) = Place::take(visitors, VISITORS) else {
-        let text = format!("{VISITORS} visitors are here: close a page first");
+    let Some(place) = Place::take(rooms.of(grant), VISITORS) else {
+        let who = match grant {
+            Grant::Command => "pages that may command",
+            Grant::Read => "visitors that read",
+        };
+        let text = format!("{VISITORS} {who} are here: close one first");
         http::answer_text(stream, 503, &text);
         return None;
     };

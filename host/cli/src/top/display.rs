@@ -75,6 +75,21 @@ impl Display {
         });
         drawn.map(drop).map_err(gone)
     }
+
+    /// Takes the terminal over again: whoever ran in between has left it otherwise, so that no key came.
+    pub fn take_again(&mut self) -> Result<(), Failure> {
+        // crossterm takes what it has set for what is.
+        let _ = disable_raw_mode();
+        enable_raw_mode().map_err(gone)?;
+        execute!(io::stdout(), EnterAlternateScreen, Hide)
+            .and_then(|()| self.terminal.clear())
+            .map_err(gone)
+    }
+
+    /// Leaves the terminal to others, until [`Self::take_again`].
+    pub fn give_back(&self) {
+        restore();
+    }
 }
 
 impl Drop for Display {

@@ -5,6 +5,7 @@ mod columns;
 mod display;
 mod keys;
 mod screen;
+mod suspension;
 mod view;
 mod watching;
 

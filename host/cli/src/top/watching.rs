@@ -10,6 +10,7 @@ use mgw_client::{ClientError, Interrupt, StopRequest, stop_before_hello};
 use super::display::{self, Display};
 use super::keys::Wish;
 use super::screen;
+use super::suspension::Suspension;
 use super::view::{Message, View};
 use crate::commands;
 use crate::explain;
@@ -48,6 +49,7 @@ pub struct Watching {
     live: Live,
     view: View,
     display: Display,
+    suspension: Suspension,
     period: Duration,
     /// The axes that are subscribed to.
     subscribed: Vec<u8>,
@@ -74,6 +76,7 @@ impl Watching {
             live: Live::of(port),
             view,
             display,
+            suspension: Suspension::note(),
             period,
             subscribed: Vec::new(),
             ask_at: now,
@@ -93,6 +96,9 @@ impl Watching {
         loop {
             // What interrupted has been noted elsewhere: it is in `keys`, or `ended`.
             let _ = self.session.client.resume();
+            if self.suspension.heed(&mut self.display)? {
+                self.draw_at = Duration::ZERO;
+            }
             if ended.is_raised() || self.heed(keys)? == Next::End {
                 break;
             }

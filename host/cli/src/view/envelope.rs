@@ -38,7 +38,12 @@ struct Axis {
 
 /// All axes since the last picture.
 #[derive(Debug, Default)]
-pub struct Envelope(BTreeMap<u8, Axis>);
+pub struct Envelope {
+    axes: BTreeMap<u8, Axis>,
+    /// When the last reading of each field was taken, gateway time in µs: a sample repeats what a motor
+    /// has said last, however long ago.
+    read_us: BTreeMap<u8, [u64; FIELDS.len()]>,
+}
 
 impl Envelope {
     /// Takes a sample in; whether the event was one.
@@ -65,7 +70,18 @@ impl Envelope {
             motor_temperature_c,
             driver_temperature_c,
         ];
-        let values = readings.map(|reading| reading.map(|reading| reading.value));
+        let read_us = self.read_us.entry(axis).or_default();
+        let mut values = [None; FIELDS.len()];
+        for ((value, read_us), reading) in values.iter_mut().zip(read_us).zip(readings) {
+            // An age ends counting somewhere.
+            let Some(reading) = reading.filter(|reading| reading.age_us < u32::MAX) else {
+                continue;
+            };
+            let at = message.time_us.saturating_sub(u64::from(reading.age_us));
+            if at > *read_us {
+                (*read_us, *value) = (at, Some(reading.value));
+            }
+        }
         self.put(axis, message.time_us, state, &values);
         true
     }
@@ -80,7 +96,7 @@ impl Envelope {
 
     fn put(&mut self, axis: u8, time_us: u64, state: AxisState, values: &[Option<f32>]) {
         let new = Axis { samples: 0, time_us, state, fields: Default::default() };
-        let of = self.0.entry(axis).or_insert(new);
+        let of = self.axes.entry(axis).or_insert(new);
         of.samples += 1;
         (of.time_us, of.state) = (time_us, state);
         let all = of.fields.iter_mut().zip(values);
@@ -92,7 +108,7 @@ impl Envelope {
 
     /// What there was, and begins anew.
     pub fn draw(&mut self) -> Value {
-        let all = std::mem::take(&mut self.0);
+        let all = std::mem::take(&mut self.axes);
         all.into_iter().map(|(axis, of)| of.into_json(axis)).collect()
     }
 }
@@ -116,11 +132,15 @@ mod tests {
     use host_protocol::Reading;
 
     fn sample(time_us: u64, velocity: f32) -> EventMessage {
+        aged(time_us, velocity, 0)
+    }
+
+    fn aged(time_us: u64, velocity: f32, age_us: u32) -> EventMessage {
         let event = Event::Sample {
             axis: 3,
             state: AxisState::Active,
             position_rad: None,
-            velocity_rad_s: Some(Reading { value: velocity, age_us: 0 }),
+            velocity_rad_s: Some(Reading { value: velocity, age_us }),
             current_a: None,
             voltage_v: None,
             motor_temperature_c: None,
@@ -133,7 +153,7 @@ mod tests {
     #[test]
     fn a_flood_becomes_one_picture_that_hides_no_peak() {
         let mut envelope = Envelope::default();
-        for time_us in 0..8_000_u16 {
+        for time_us in 1..=8_000_u16 {
             let velocity = match time_us {
                 4_000 => 9.0,
                 4_001 => -7.0,
@@ -143,9 +163,22 @@ mod tests {
         }
         let wanted = json!([{
             "axis": 3, "state": "active", "stop_confirmed": null, "samples": 8_000,
-            "time_us": 7_999, "velocity_rad_s": [-7.0, 9.0, 0.5],
+            "time_us": 8_000, "velocity_rad_s": [-7.0, 9.0, 0.5],
         }]);
         assert_eq!(envelope.draw(), wanted);
         assert_eq!(envelope.draw(), json!([]), "it begins anew");
+    }
+
+    #[test]
+    fn what_a_motor_said_long_ago_is_no_value_of_now() {
+        let mut envelope = Envelope::default();
+        let values = |envelope: &mut Envelope| envelope.draw()[0]["velocity_rad_s"].clone();
+        envelope.take(&aged(10_000, 2.0, 500));
+        assert_eq!(values(&mut envelope), json!([2.0, 2.0, 2.0]));
+        envelope.take(&aged(20_000, 2.0, 10_500));
+        envelope.take(&aged(30_000, 2.0, u32::MAX));
+        assert_eq!(values(&mut envelope), json!(null));
+        envelope.take(&aged(40_000, 2.0, 500));
+        assert_eq!(values(&mut envelope), json!([2.0, 2.0, 2.0]));
     }
 }

@@ -13,7 +13,7 @@ mod hand;
 mod hub;
 mod reach;
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener};
 use std::thread;
 use std::time::Duration;
 
@@ -27,6 +27,9 @@ use hand::{Hand, Heard};
 use hub::Hub;
 
 pub use reach::Reach;
+
+/// Bytes of a token at least, where other computers can guess.
+const LEAST_TOKEN: usize = 16;
 
 /// What the page may be told on the command line.
 #[derive(Debug, clap::Args)]
@@ -89,6 +92,12 @@ impl View {
                  opens the page has to show, or listen on 127.0.0.1"
             )));
         }
+        if !address.ip().is_loopback() && token.is_some_and(|token| token.len() < LEAST_TOKEN) {
+            return Err(Failure::Usage(format!(
+                "--view {address} can be reached from other computers, which may guess as fast as they \
+                 can: the --token has at least {LEAST_TOKEN} bytes there"
+            )));
+        }
         let failed = |source| Failure::Server { address: address.to_string(), source };
         let listener = TcpListener::bind(address).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
@@ -96,8 +105,13 @@ impl View {
             Some(token) => token.to_owned(),
             None => mgw_view::new_token().map_err(failed)?,
         };
-        let url = format!("http://{address}/#token={}", escaped(&token));
-        out.event("view", format!("the page: {url}"), json!({ "url": url }))?;
+        let url = format!("http://{}/#token={}", from_here(address), escaped(&token));
+        let elsewhere = if address.ip().is_unspecified() {
+            " (from elsewhere: with the number of this computer's address in it)"
+        } else {
+            ""
+        };
+        out.event("view", format!("the page: {url}{elsewhere}"), json!({ "url": url }))?;
         let gate = Gate::new(address, token, arguments.allow_origin.clone());
         let period = Duration::from_millis(arguments.view_period);
         Ok(Some(Self { listener, gate, period }))
@@ -116,6 +130,16 @@ impl View {
         };
         thread::spawn(move || mgw_view::serve(&listener, gate, house));
     }
+}
+
+/// Where this computer reaches a listener of its own.
+fn from_here(address: SocketAddr) -> SocketAddr {
+    let ip = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        ip => ip,
+    };
+    SocketAddr::new(ip, address.port())
 }
 
 /// A token as a part of an address.
