@@ -6,7 +6,7 @@ use std::panic;
 use crossterm::cursor::{Hide, Show};
 use crossterm::execute;
 use crossterm::terminal::{
-    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+    Clear, ClearType, EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
@@ -81,9 +81,12 @@ impl Display {
         // crossterm takes what it has set for what is.
         let _ = disable_raw_mode();
         enable_raw_mode().map_err(gone)?;
-        execute!(io::stdout(), EnterAlternateScreen, Hide)
-            .and_then(|()| self.terminal.clear())
-            .map_err(gone)
+        // A new one, which knows nothing of what is on the screen. Its own way asks the terminal where the
+        // cursor is, and waits.
+        self.terminal = execute!(io::stdout(), EnterAlternateScreen, Hide, Clear(ClearType::All))
+            .and_then(|()| Terminal::new(CrosstermBackend::new(io::stdout())))
+            .map_err(gone)?;
+        Ok(())
     }
 
     /// Leaves the terminal to others, until [`Self::take_again`].

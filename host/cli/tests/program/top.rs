@@ -17,7 +17,8 @@ use mgw_client::{Client, Interrupt};
 use mgw_sim::{SimTransport, Wiring, World};
 use nix::pty::{Winsize, openpty};
 use nix::sys::signal::{self, Signal};
-use nix::sys::termios::{Termios, tcgetattr};
+use nix::sys::termios::{SetArg, Termios, tcgetattr, tcsetattr};
+use nix::sys::wait::{WaitPidFlag, WaitStatus, waitpid};
 use nix::unistd::Pid;
 use serialport::{SerialPort, TTYPort};
 
@@ -371,6 +372,36 @@ fn a_signal_ends_it_and_gives_the_terminal_back() {
     top.wait_for("the axes", |screen| screen.contains(">   0"));
     top.press("\u{3}");
     assert_eq!(top.end(), Some(0), "Ctrl-C as a key");
+}
+
+#[test]
+fn after_a_suspension_the_terminal_is_taken_again_and_the_stop_key_stops() {
+    let device = Device::open();
+    for suspended in [Signal::SIGTSTP, Signal::SIGSTOP] {
+        let mut top = Top::start(&device.name);
+        top.wait_for("the axes", |screen| screen.contains(">   0"));
+        let raw = tcgetattr(&top.terminal).expect("it is a terminal");
+        let id = Pid::from_raw(top.program.id().cast_signed());
+        signal::kill(id, suspended).expect("it runs");
+        let flags = WaitPidFlag::WUNTRACED;
+        let stopped = waitpid(id, Some(flags)).expect("it is a child");
+        assert!(matches!(stopped, WaitStatus::Stopped(..)), "{stopped:?}");
+        // As a shell leaves it.
+        tcsetattr(&top.terminal, SetArg::TCSANOW, &top.before).expect("it is a terminal");
+        signal::kill(id, Signal::SIGCONT).expect("it is there");
+        let end = Instant::now() + LIMIT;
+        while tcgetattr(&top.terminal).expect("it is a terminal") != raw {
+            assert!(Instant::now() < end, "{suspended}: keys wait for Enter");
+            std::thread::sleep(LOOK_EVERY);
+        }
+        device.frames();
+        top.press(" ");
+        top.wait_for("confirmed", |screen| {
+            (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
+        });
+        top.press("q");
+        assert_eq!(top.end(), Some(0));
+    }
 }
 
 #[test]

@@ -361,11 +361,35 @@ fn beyond_this_computer_the_page_needs_a_token_that_was_given() {
     let line = ["--port", "tcp:127.0.0.1:9", "serve", "--listen", "127.0.0.1:0", "--view"];
     let text = mgw(&[&line[..], &["0.0.0.0:0"]].concat()).failure(2);
     assert!(text.contains("--token"), "{text}");
+    let text = mgw(&[&line[..], &["0.0.0.0:0", "--token", "fifteen-bytes.."]].concat()).failure(2);
+    assert!(text.contains("at least 16 bytes"), "{text}");
     let text = mgw(&[&line[..], &["127.0.0.1:0", "--allow-origin", "*"]].concat()).failure(2);
     assert!(text.contains("SCHEME://HOST"), "{text}");
     let alone = &line[..line.len() - 1];
     let text = mgw(&[alone, &["--allow-origin", "https://a.example"]].concat()).failure(2);
     assert!(text.contains("--view"), "{text}");
+}
+
+#[test]
+fn neither_idle_connections_nor_readers_shut_the_own_page_out() {
+    let sim = Sim::start();
+    let view = View::start(&sim.port, &["--allow-origin", "https://reader.example"]);
+    let idle: Vec<_> = (0..200).map(|_| TcpStream::connect(&view.address).unwrap()).collect();
+    let protocols = view.protocols();
+    let headers =
+        [("Origin", "https://reader.example"), ("Sec-WebSocket-Protocol", protocols.as_str())];
+    let readers: Vec<_> = (0..40).map(|_| view.open(&headers)).collect();
+    assert_eq!(readers.iter().filter(|reader| reader.is_ok()).count(), 16);
+    assert!(readers.iter().all(|reader| !matches!(reader, Err(status) if *status != 503)));
+    let mut page = view.page();
+    page.wait_for("the axes", |message| (message["event"] == "axes").then_some(()));
+    let digits = protocols.rsplit('.').next().unwrap();
+    let (status, answer) = view.ask(&format!(
+        "POST /stop HTTP/1.1\r\nHost: {0}\r\nOrigin: http://{0}\r\nAuthorization: Bearer {digits}\r\n\r\n",
+        view.address
+    ));
+    assert_eq!(status, 200, "{answer}");
+    drop((idle, readers));
 }
 
 #[test]
