@@ -11,7 +11,7 @@ use zenoh::query::Query;
 use crate::brake::Brake;
 use crate::clock::GatewayTime;
 use crate::command::{Command, Lease, Word};
-use crate::hand::{Grip, Hand, Order};
+use crate::hand::{Grip, Hand};
 use crate::keys::Meaning;
 use crate::refusal::Refusal;
 
@@ -61,13 +61,14 @@ impl Door {
             Command::Take { peer } => self.take(&peer, query)?,
             Command::KeepAlive { lease } => {
                 self.hear(lease)?;
-                self.order(lease, Order::Alive);
+                self.with_hand(|hand| hand.keep_alive(lease));
                 let time_us = self.time.now_us().ok_or(Refusal::GatewayAway)?;
                 reply(query, &key, &json!({ "time_us": time_us }));
             }
             Command::Do { lease, deed } => {
                 self.hear(lease)?;
-                self.order(lease, Order::Do(deed, query.clone()));
+                let ordered = self.with_hand(|hand| hand.order(lease, deed, query));
+                ordered.unwrap_or(Err(Refusal::LeaseOver))?;
             }
         }
         Ok(())
@@ -89,10 +90,8 @@ impl Door {
         Ok(())
     }
 
-    fn order(&self, lease: Lease, order: Order) {
-        if let Some(hand) = &*self.hand.lock().unwrap_or_else(PoisonError::into_inner) {
-            hand.order(lease, order);
-        }
+    fn with_hand<R>(&self, act: impl FnOnce(&Hand) -> R) -> Option<R> {
+        self.hand.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(act)
     }
 }
 

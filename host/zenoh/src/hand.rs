@@ -2,6 +2,8 @@
 //! the peer asks and nothing else: each of its setpoints ends when the peer said, and the gateway
 //! hears of it no more often than the peer is heard.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread;
 use std::time::Duration;
@@ -31,18 +33,15 @@ const FAR_US: u64 = 1 << 30;
 /// Events taken in one round: nobody reads them here.
 const EVENTS_AT_ONCE: usize = 64;
 
-/// What the peer wants.
-pub enum Order {
-    /// It is still there.
-    Alive,
-    /// This.
-    Do(Deed, Query),
-}
+/// What the peer wants done, and where the answer goes.
+type Order = (Deed, Query);
 
 /// The way to what the peer commands with.
 pub struct Hand {
     lease: Lease,
     orders: SyncSender<Order>,
+    /// The peer has said that it is there: once or often, it is told to the gateway once.
+    is_alive: Arc<AtomicBool>,
 }
 
 /// What is needed to command.
@@ -61,36 +60,47 @@ impl Hand {
     /// over. `query` is the one that asked for command.
     pub fn take(grip: Grip, lease: Lease, query: Query) -> Self {
         let (sender, orders) = sync_channel(WAITING);
+        let is_alive = Arc::new(AtomicBool::new(false));
+        let heard = is_alive.clone();
         thread::spawn(move || {
-            command(&grip, lease, query, &orders);
+            command(&grip, lease, query, &orders, &heard);
             grip.court.authority().end(lease);
         });
-        Self { lease, orders: sender }
+        Self { lease, orders: sender, is_alive }
+    }
+
+    /// The peer of this lease is there.
+    pub fn keep_alive(&self, lease: Lease) {
+        if self.lease == lease {
+            self.is_alive.store(true, Ordering::Relaxed);
+        }
     }
 
     /// Passes on what the peer of this lease wants.
-    pub fn order(&self, lease: Lease, order: Order) {
-        let order = if self.lease == lease {
-            self.orders.try_send(order)
-        } else {
-            Err(TrySendError::Disconnected(order))
-        };
-        let refusal = match &order {
-            Err(TrySendError::Full(_)) => Refusal::Busy { waiting: WAITING },
-            _ => Refusal::LeaseOver,
-        };
-        if let Err(TrySendError::Full(order) | TrySendError::Disconnected(order)) = order
-            && let Order::Do(_, query) = order
-        {
-            refuse(&query, &refusal.to_json());
+    ///
+    /// # Errors
+    /// Too much waits already, or the lease is over.
+    pub fn order(&self, lease: Lease, deed: Deed, query: &Query) -> Result<(), Refusal> {
+        if self.lease != lease {
+            return Err(Refusal::LeaseOver);
         }
+        self.orders.try_send((deed, query.clone())).map_err(|error| match error {
+            TrySendError::Full(_) => Refusal::Busy { waiting: WAITING },
+            TrySendError::Disconnected(_) => Refusal::LeaseOver,
+        })
     }
 }
 
 type Connection = Client<Leashed<Box<dyn Transport + Send>>>;
 
 /// Takes command and does what is ordered, until the lease is over.
-fn command(grip: &Grip, lease: Lease, query: Query, orders: &Receiver<Order>) {
+fn command(
+    grip: &Grip,
+    lease: Lease,
+    query: Query,
+    orders: &Receiver<Order>,
+    is_alive: &AtomicBool,
+) {
     let connect = || {
         let leashed = Leashed::new(grip.reach.open()?, grip.court.clone(), lease);
         let mut client = Client::connect(leashed)?;
@@ -113,7 +123,7 @@ fn command(grip: &Grip, lease: Lease, query: Query, orders: &Receiver<Order>) {
     reply(&query, &grip.keys.command(Word::Take), &taken);
     // Who asked waits until it is gone.
     drop(query);
-    serve(grip, lease, &mut client, orders);
+    serve(grip, lease, &mut client, orders, is_alive);
 }
 
 /// How long the gateway listens for a host in command before it stops what that has armed.
@@ -127,15 +137,26 @@ fn silence(client: &mut Connection) -> Result<Duration, ClientError> {
 }
 
 /// Until the lease is over, or the gateway cannot be reached.
-fn serve(grip: &Grip, lease: Lease, client: &mut Connection, orders: &Receiver<Order>) {
+fn serve(
+    grip: &Grip,
+    lease: Lease,
+    client: &mut Connection,
+    orders: &Receiver<Order>,
+    is_alive: &AtomicBool,
+) {
     while grip.court.may_send(lease) {
         let done = match orders.recv_timeout(LOOK_EVERY) {
-            Ok(Order::Alive) => client.keep_alive(),
-            Ok(Order::Do(deed, query)) => obey(grip, lease, client, deed, &query),
-            Err(RecvTimeoutError::Timeout) => Ok(()),
+            Ok((deed, query)) => obey(grip, lease, client, deed, &query),
+            // Only now: what is asked waits for nothing, and reads as much by itself.
+            Err(RecvTimeoutError::Timeout) => pass_events(client),
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        if done.and_then(|()| pass_events(client)).is_err() {
+        // No oftener than the peer has said it.
+        let kept = done.and_then(|()| match is_alive.swap(false, Ordering::Relaxed) {
+            true => client.keep_alive(),
+            false => Ok(()),
+        });
+        if kept.is_err() {
             return;
         }
     }
