@@ -6,7 +6,7 @@ use host_protocol::{Call, ClearTarget, Setpoint, requests as wire};
 use mgw_zenoh::{Commander, ask};
 use serde_json::json;
 
-use crate::support::{Gateway, endpoint, peer, subscribe, wait_for};
+use crate::support::{Gateway, endpoint, peer, subscribe, until, wait_for};
 
 const VELOCITY: Setpoint = Setpoint::Velocity { velocity_rad_s: 1.0 };
 const TTL: Duration = Duration::from_secs(2);
@@ -78,8 +78,8 @@ fn a_program_of_the_server_is_not_pushed_aside() {
     let _running = gateway.join("left", &["--listen", &here]);
     let session = peer(&[&here]);
     let refused = std::thread::scope(|scope| {
-        let moving = scope.spawn(|| gateway.mgw(&["set", "0", "velocity", "1", "--for", "2"]));
-        std::thread::sleep(Duration::from_millis(1_000));
+        let moving = scope.spawn(|| gateway.mgw(&["set", "0", "velocity", "1", "--for", "3"]));
+        until("it has armed the axis", || gateway.count(wire::Arm::NUMBER) > 0);
         let refused = Commander::take(&session, "left", "peer").err();
         moving.join().unwrap();
         refused

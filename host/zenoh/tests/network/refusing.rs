@@ -48,6 +48,11 @@ fn what_makes_no_sense_reaches_no_motor() {
         assert_eq!(name(key, bytes), wanted, "{key} {}", String::from_utf8_lossy(bytes));
     }
     assert_eq!(name("command/arm", &[b'['; 100_000]), "usage");
+    // What is published does nothing: who asks is answered.
+    for word in ["stop", "estop", "arm"] {
+        session.put(format!("motor-gateway/left/command/{word}"), "{}").wait().unwrap();
+    }
+    ask(&session, "motor-gateway/left/state/link", None).unwrap();
     assert_eq!(gateway.commands().len(), before, "{:?}", gateway.commands());
 
     // In command neither arming nor a setpoint is sent.
