@@ -16,7 +16,9 @@ pub trait Framing<const LEN: usize> {
 /// late.
 #[derive(Debug, Clone)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(bound = ""))]
 pub struct Deframer<F: Framing<LEN>, const LEN: usize> {
+    #[cfg_attr(feature = "serde", serde(with = "serde_big_array::BigArray"))]
     window: [u8; LEN],
     len: usize,
     rejected: u32,

@@ -15,6 +15,7 @@ macro_rules! flags {
         ::bitflags::bitflags! {
             $(#[$($meta)*])*
             #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+            #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
             pub struct $Flags: $Word {
                 $($(#[$($doc)*])* const $NAME = $bits;)*
             }

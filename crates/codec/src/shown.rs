@@ -109,6 +109,7 @@ macro_rules! units {
             $(#[$doc])*
             #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
             #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+            #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
             pub struct $Unit(pub $Raw);
 
             impl $crate::Number for $Unit {

@@ -8,6 +8,7 @@ use crate::request::Request;
 /// How much a motor answers (D5 manual, register 0x10).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum AckLevel {
     /// 2, from the factory: reads and writes.
     ReadsAndWrites,

@@ -10,6 +10,7 @@ use crate::units::TurnDegrees;
 /// How many data bytes a frame carries: the length byte 0x04 or 0x05 (D5 manual, frame format).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Width {
     /// One: the addressed register.
     Byte,
@@ -29,6 +30,7 @@ impl Width {
 /// The data a frame carries, raw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Value {
     /// One byte.
     Byte(u8),
@@ -49,6 +51,7 @@ impl Value {
 /// Length, command, address, low and high byte of a frame, raw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Payload(pub [u8; PAYLOAD_LEN]);
 
 impl Payload {

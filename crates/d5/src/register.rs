@@ -13,6 +13,7 @@ use crate::units::{Celsius, Degrees, DegreesPerSecond};
 /// Address of a register. Any address can be received; those of the manual have names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Register(pub u8);
 
 impl Register {

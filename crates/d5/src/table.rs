@@ -22,6 +22,7 @@ codec::commands! {
     /// it, to all.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     enum Request;
 
     /// A reply of one motor.

@@ -10,6 +10,7 @@ use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_BUSES};
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 /// What is kept of all axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +21,12 @@ struct Kept {
     which: [Set; Is::ALL.len()],
     looks: [Look; MAX_AXES],
     traffic: [Traffic; MAX_AXES],
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Self::NONE
+    }
 }
 
 impl Kept {
@@ -66,13 +73,15 @@ impl Kept {
 ///
 /// `axes` comes last: with zeros right behind it the compiler makes it on the stack, which has no
 /// room for it, and then moves it.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 #[repr(C)]
 pub(crate) struct Axes {
     /// Those that may have changed since they were settled.
     touched: Set,
+    #[serde(skip)]
     kept: Kept,
     /// When the first of them is due; `None` where that has to be worked out.
+    #[serde(skip)]
     first_due: Option<Instant>,
     /// Buses whose traffic is another one than they know.
     new_traffic: Set,
@@ -96,6 +105,17 @@ impl Axes {
             let index = u8::try_from(self.axes.len()).unwrap_or(u8::MAX);
             let _ = self.axes.push(Axis::new(index));
         }
+    }
+
+    /// The same axes, taken from a snapshot: what is kept of them, and the tables that they go
+    /// through, are found again. `now`: when it was taken.
+    pub fn attach(&mut self, now: Instant) {
+        for axis in &mut self.axes {
+            axis.attach();
+            self.touched.add(Set::of(axis.index));
+        }
+        self.settle(now, now);
+        self.take_new_traffic();
     }
 
     pub fn get(&self, index: usize) -> Option<&Axis> {

@@ -4,12 +4,15 @@ use crate::time::Duration;
 use core::num::NonZeroU64;
 use core::ops::Range;
 use host_protocol::{AxisParameter, Error, Protocol, StopAction, Value, ValueKind};
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 
 /// What the host has set for one axis. Unset parameters have the defaults of the parameter table.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct AxisConfig {
     /// The values as bits, each in as many bytes as it needs; the parameter table says which kind it
     /// is.
+    #[serde(with = "BigArray")]
     values: [u8; VALUE_BYTES],
     /// Which of them are set: a bit for each, by its place in the table.
     set: u64,

@@ -5,9 +5,11 @@ mod names;
 mod pins;
 mod requests;
 mod retained;
+mod snapshot;
 mod stored;
 
 pub use retained::RETAINED_WORDS;
+pub use snapshot::{MAX_SNAPSHOT, ResumeError};
 pub use stored::{MAX_STORED_ROW, NextRow, STORED_ROWS};
 
 use crate::axes::Axes;
@@ -27,11 +29,13 @@ use image::Image;
 use names::Names;
 use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
+use serde::{Deserialize, Serialize};
 use stored::Stored;
 
 /// A gateway: everything between the host links and the buses of one board.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Gateway {
+    #[serde(skip)]
     pub(crate) board: &'static Board,
     pub(crate) axes: Axes,
     pub(crate) buses: Vec<Bus, MAX_BUSES>,

@@ -3,6 +3,7 @@
 use crate::set::Set;
 use host_protocol::replies::{IncidentPage, MAX_INCIDENTS};
 use host_protocol::{Incident, MaxSize, TripReason, Vec};
+use serde::{Deserialize, Serialize};
 
 /// Incidents remembered.
 pub(crate) const INCIDENTS: usize = 16;
@@ -12,7 +13,7 @@ const WORD: usize = size_of::<u32>();
 pub(crate) const INCIDENT_WORDS: usize = 1 + Incident::MAX_SIZE.div_ceil(WORD);
 
 /// A ring; the place of an incident follows from its ordinal number.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct History {
     incidents: [Option<Incident>; INCIDENTS],
     /// The ordinal number of the next.

@@ -28,7 +28,9 @@ mod transaction;
 
 pub use bus::{Assumptions, AxisPlan, BusPlan};
 pub use bus_rules::check_bus_config;
-pub use gateway::{Gateway, MAX_STORED_ROW, NextRow, RETAINED_WORDS, STORED_ROWS};
+pub use gateway::{
+    Gateway, MAX_SNAPSHOT, MAX_STORED_ROW, NextRow, RETAINED_WORDS, ResumeError, STORED_ROWS,
+};
 pub use log::LogEntry;
 pub use port::{
     Board, BusPort, BusPortKind, BusSetup, Changes, Event, Found, FoundImage, ImageJob, Images,

@@ -1,9 +1,10 @@
 //! What happened, for the caller's log: kept until there is time to write it.
 
 use host_protocol::Event;
+use serde::{Deserialize, Serialize};
 
 /// Something worth a line in a log.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LogEntry {
     /// What the hosts are told too.

@@ -2,9 +2,10 @@
 
 use crate::time::Instant;
 use host_protocol::{Reading, StateField, StateFields};
+use serde::{Deserialize, Serialize};
 
 /// A set of versions of a motor's protocol, one bit for each by its number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(crate) struct Versions(u8);
 
 impl Versions {
@@ -68,7 +69,7 @@ pub(crate) struct Observation {
 const NUMBERS: usize = StateField::ALL.len() - 1;
 
 /// The latest of everything a motor has told. Kept apart by kind, so that 32 axes take little room.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Measured {
     /// By field; without meaning where the field is not known.
     numbers: [f32; NUMBERS],

@@ -4,6 +4,7 @@ use crate::link::Links;
 use crate::link::Slot;
 use crate::time::Instant;
 use host_protocol::{Error, Event, Reply};
+use serde::{Deserialize, Serialize};
 
 /// The host links, as seen by whatever has something to tell.
 pub(crate) struct Outbox<'a> {
@@ -12,7 +13,7 @@ pub(crate) struct Outbox<'a> {
 }
 
 /// The reply that a request is owed.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Ticket {
     /// The link the request came from.
     pub link: u8,

@@ -43,6 +43,7 @@ use host_protocol::{
     BusMode, BusState, Bytes, CanFrame, FirmwareVersion, MAX_IMAGE_BYTES, SIGNATURE_SIZE,
     requests::BeginImage,
 };
+use serde::{Deserialize, Serialize};
 
 /// Frames the core hands to one CAN controller at the same time: one, and a second only for a stop.
 pub const TRANSMIT_SLOTS: usize = 2;
@@ -56,7 +57,7 @@ pub const MAX_SERIAL: usize = 64;
 pub type Store<'a> = &'a mut dyn FnMut(usize, u32);
 
 /// Something that happened outside the core.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Event<'a> {
     /// Bytes arrived on a host link.
     HostBytes {
@@ -151,7 +152,7 @@ pub struct Changes {
 }
 
 /// What is to be stored.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Save {
     /// The stored configuration, whole or not at all: it becomes the rows that [`Gateway::stored_row`](crate::Gateway::stored_row) gives, and this
     /// number with them, by which the core knows them again.
@@ -166,7 +167,7 @@ pub enum Save {
 }
 
 /// What becomes of an image of the firmware that a host sends.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ImageJob {
     /// Bytes of it are written, in their order. What is erased at once is erased before its first
     /// byte is written.
@@ -188,7 +189,7 @@ pub enum ImageJob {
 }
 
 /// The image that runs, and the room for another.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Images {
     /// The version of the one that runs.
     pub version: FirmwareVersion,
@@ -211,7 +212,7 @@ impl Images {
 }
 
 /// What a start finds out about the image that runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FoundImage {
     /// It is kept.
     Kept,
@@ -223,7 +224,7 @@ pub enum FoundImage {
 }
 
 /// What a start finds where the configuration is stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Found {
     /// There is nowhere to store it.
     NoStorage,
@@ -248,7 +249,7 @@ pub enum Found {
 }
 
 /// Why the configuration could not be stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SaveError {
     /// It is too long for the storage.
     Full,
@@ -319,7 +320,7 @@ pub struct BusPort {
 }
 
 /// The kinds of bus a board offers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BusPortKind {
     /// A CAN controller.
     Can,
@@ -338,6 +339,13 @@ pub struct LinkPort {
     /// Rates that it can run at, [`DEFAULT_BAUD`](host_protocol::DEFAULT_BAUD) among them; none
     /// where it is no UART. At most [`MAX_BITRATES`](host_protocol::MAX_BITRATES).
     pub bauds: &'static [u32],
+}
+
+/// None: a place that is filled when it is known.
+impl Default for BusPort {
+    fn default() -> Self {
+        Self { kind: BusPortKind::Can, bitrates: &[] }
+    }
 }
 
 /// What the core must know of the board that it runs on.
@@ -364,4 +372,22 @@ pub struct Board {
     pub bus_limit: Option<host_protocol::BusLimit>,
     /// Its host links, at most [`MAX_LINKS`](crate::MAX_LINKS).
     pub links: &'static [LinkPort],
+}
+
+/// None: a place that is filled when it is known.
+impl Default for &Board {
+    fn default() -> Self {
+        &Board {
+            name: "",
+            firmware: "",
+            build_id: "",
+            boot: host_protocol::BootReason::PowerOn,
+            crash_report: "",
+            e_stop_input: false,
+            enable_output: false,
+            buses: &[],
+            bus_limit: None,
+            links: &[],
+        }
+    }
 }

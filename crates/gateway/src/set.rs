@@ -1,9 +1,10 @@
 //! Sets of axes, buses or links.
 
 use crate::{MAX_AXES, MAX_BUSES, MAX_LINKS};
+use serde::{Deserialize, Serialize};
 
 /// A set of axes, buses, links or places by their index, each below 32.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Set(u32);
 
 const _: () = assert!(MAX_AXES <= 32 && MAX_BUSES <= 32 && MAX_LINKS <= 32, "one bit for each");

@@ -7,13 +7,14 @@ use crate::config::AxisConfig;
 use crate::measured::Observation;
 use crate::protocol::{self, Command, Exchange, Received, Unasked, Verdict};
 use crate::time::{Duration, Instant};
+use serde::{Deserialize, Serialize};
 
 /// What a motor has not answered for so long it answers no more (the longest reply window,
 /// GUARANTEES).
 const LATEST_REPLY: Duration = Duration::from_millis(300);
 
 /// One request and where it stands.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Transaction {
     pub exchange: Exchange,
     pub command: Command,
@@ -33,7 +34,7 @@ pub(crate) struct Transaction {
     pub predates_job: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Stage {
     /// The port has its frame.
     WithPort,
@@ -113,7 +114,7 @@ impl Transaction {
 
 /// A request was given up, and no other before then: its late reply must not be taken for the next
 /// one's. Only a setpoint does not wait for what was no setpoint.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Holdoff {
     exchange: Exchange,
     until: Instant,
@@ -134,7 +135,7 @@ pub(crate) struct MotionMark {
 }
 
 /// The requests of one axis.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Transactions {
     current: Option<Transaction>,
     /// A request that is under way no longer while its reply may come: preempted, or given up.

@@ -1,19 +1,22 @@
 //! Frames out of a stream of bytes.
 
 use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_MESSAGE};
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 
 /// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message
 /// is all it holds.
 ///
 /// Whatever arrives, the next delimiter starts afresh: garbage costs at most the frame it hits.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Deframer {
+    #[serde(with = "BigArray")]
     message: [u8; MAX_MESSAGE],
     progress: Progress,
 }
 
 /// How far a frame has come.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Progress {
     /// Bytes of the message; [`TOO_LONG`] if it has not fitted.
     length: usize,

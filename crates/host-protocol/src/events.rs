@@ -43,7 +43,7 @@ macro_rules! events {
         $number:literal $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }
     )+) => {
         /// What happened.
-        #[derive(Debug, Clone, Copy, PartialEq)]
+        #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Event {
             $($(#[$meta])+ $name { $(

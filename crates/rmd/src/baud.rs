@@ -13,6 +13,7 @@ use crate::payload::Payload;
 /// kept as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BaudCode(pub u8);
 
 /// RS485 rates, bit/s, by code.

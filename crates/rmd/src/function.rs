@@ -15,6 +15,7 @@ use crate::table::{self, ENABLED, NEXT_ID};
 /// One function of 0x20 (RMD V3.6 §2.33.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Function {
     /// Index 1: clear the multi-turn value, take the present position as zero and store it; acts
     /// after a restart.

@@ -12,6 +12,7 @@ use crate::payload::Payload;
 /// never encoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gain(pub u8);
 
 impl Gain {
@@ -71,6 +72,7 @@ impl Encode<Payload> for Gain {
 /// A gain and its value, a real number in the motor's own unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct GainValue {
     /// Which gain.
     pub gain: Gain,

@@ -24,6 +24,7 @@ const LOW_NIBBLE: u8 = 0x0F;
 /// (§5.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotionCommand {
     /// Position, all 16 bits.
     pub position: u16,

@@ -6,6 +6,7 @@ codec::fields! {
     /// Gains of 0x30, 0x31 and 0x32, each in 1/256 of a maximum that depends on the motor model (RMD V3.6 §2.1).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
     #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     struct PidGains, layout Payload;
 
     /// Proportional gain of the current loop.

@@ -12,6 +12,7 @@ use crate::payload::Payload;
 /// as received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Ramp(pub u8);
 
 impl Ramp {

@@ -11,6 +11,7 @@ use crate::payload::Payload;
 /// Run mode of 0x70. The manual speaks of four and lists three (RMD V3.6 §2.23.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum RunMode {
     /// Current loop.
     Current,

@@ -52,6 +52,7 @@ codec::commands! {
     /// Bytes the manual calls NULL are sent as zero; when received with another value they are passed over.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     enum Request;
 
     /// One frame from one motor.

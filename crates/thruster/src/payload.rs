@@ -14,6 +14,7 @@ use crate::units::{
 /// A data field (Thruster manual §1.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Payload {
     /// Four bytes: a command that carries no data.
     Short([u8; SHORT_LEN]),

@@ -76,6 +76,7 @@ const FRAMES_OF_STREAM: usize = 5;
 /// Why a frame was returned: the upper byte of its header (Thruster manual §2.4, §2.5).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ReturnSource {
     /// `54 0n`: a TC was taken.
     Signal,

@@ -33,6 +33,7 @@ codec::commands! {
     /// A request to one node.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     enum Request;
 
     /// A reply of one node. It repeats the command word of the request (Thruster manual §1.3).

@@ -10,6 +10,7 @@ use crate::outbox::Outbox;
 use crate::protocol::{AngleForm, Info};
 use crate::time::{Duration, Instant};
 use host_protocol::{Event, StateField};
+use serde::{Deserialize, Serialize};
 
 /// A place so old says no more next to which one an angle lies: no reply can tell a speed that
 /// makes half a range in this time, and no motor restarts in it.
@@ -21,7 +22,7 @@ const ANGLE_LASTS: Duration = Duration::from_millis(50);
 const TRANSFER: Duration = Duration::from_millis(1);
 
 /// What is known of an angle that starts again.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Angle {
     /// The last one told, in the motor's counts.
     told: Option<(Instant, i32)>,

@@ -5,9 +5,10 @@ use crate::protocol::Exchange;
 use crate::time::Instant;
 use crate::transaction::Transaction;
 use host_protocol::{CycleResult, CycleState, Error, StateField, StateFields};
+use serde::{Deserialize, Serialize};
 
 /// The setpoint of the latest cycle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Cycling {
     /// Its motor has yet to answer this motion.
     Waits(u32),

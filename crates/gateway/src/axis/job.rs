@@ -15,9 +15,10 @@ use crate::time::{Duration, Instant};
 use crate::transaction::Transaction;
 use host_protocol::replies::{Armed, Done, MotorTimeoutReport, NativeReply};
 use host_protocol::{AxisParameter, Bytes, Error, Event, NoReplyHint, Reply, Value};
+use serde::{Deserialize, Serialize};
 
 /// A sequence of exchanges under way for a host.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Job {
     pub(super) kind: JobKind,
     ticket: Ticket,
@@ -37,7 +38,7 @@ pub(crate) struct Job {
 const TAKEN_WITHIN: Duration = Duration::from_millis(250);
 
 /// What the job is for.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum JobKind {
     /// Arm the axis; it gets this epoch.
     Arm {
@@ -226,6 +227,13 @@ impl Axis {
     /// Since when the job has waited for its step: what is overdue for longer goes first.
     pub(super) fn job_since(&self) -> Instant {
         self.job.as_ref().map(|job| job.since).unwrap_or_default()
+    }
+
+    /// Gives the job its table again, which a snapshot leaves out.
+    pub(super) fn attach_job(&mut self) {
+        if let Some(job) = &mut self.job {
+            job.sequence.attach(job.kind.steps(&self.config));
+        }
     }
 
     /// Passes over the steps that this motor has no command for. Returns whether none is left.

@@ -49,6 +49,7 @@ use host_protocol::{
 use outcome::Silence;
 use part::Part;
 use restart::RunTime;
+use serde::{Deserialize, Serialize};
 use state::State;
 use telemetry::Telemetry;
 
@@ -59,7 +60,7 @@ const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
 const REFRESH_UNKNOWN: Duration = Duration::from_millis(20);
 
 /// One axis of the gateway.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Axis {
     pub index: u8,
     pub config: AxisConfig,
@@ -127,6 +128,14 @@ impl Axis {
             evidence: Evidence::NONE,
             is_unsaved: false,
             telemetry: Telemetry::NONE,
+        }
+    }
+
+    /// Gives what is under way its tables again, which a snapshot leaves out.
+    pub fn attach(&mut self) {
+        self.attach_job();
+        if let State::Stopping(stop) | State::Tripped(_, stop) = &mut self.state {
+            stop.attach(&self.config);
         }
     }
 

@@ -8,6 +8,7 @@ use crate::protocol::{Command, Exchange, Info, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
 use crate::transaction::{Match, MotionMark, Outcome, Transaction};
 use host_protocol::{CycleResult, TripReason};
+use serde::{Deserialize, Serialize};
 
 /// Since when something is overdue that goes before all other polls.
 const FIRST_OF_ALL: Instant = Instant::from_micros(0);
@@ -15,7 +16,7 @@ const FIRST_OF_ALL: Instant = Instant::from_micros(0);
 const SILENT_POLL: Duration = Duration::from_millis(1_000);
 
 /// How long a motor has not answered.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Silence {
     missed: u8,
     since: Instant,

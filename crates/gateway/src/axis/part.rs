@@ -9,6 +9,7 @@ use crate::protocol::{Exchange, Info};
 use crate::time::{Duration, Instant};
 use crate::transaction::Transaction;
 use host_protocol::{CycleResult, CycleState, Error, SlowState, StateField, StateFields};
+use serde::{Deserialize, Serialize};
 
 /// What reads the fields that are told of every axis.
 const READS: [(Exchange, StateField); 3] = [
@@ -18,7 +19,7 @@ const READS: [(Exchange, StateField); 3] = [
 ];
 
 /// What the axis has to do in the period under way.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Part {
     /// When the period began; what left before belongs to the one before.
     since: Instant,

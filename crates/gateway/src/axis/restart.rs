@@ -7,6 +7,7 @@ use crate::protocol::Sets;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{Error, TripReason};
+use serde::{Deserialize, Serialize};
 
 /// So long a motor that restarts may be silent (GUARANTEES G10).
 const RESTARTS_WITHIN: Duration = Duration::from_millis(3_000);
@@ -20,7 +21,7 @@ const READING: Duration = Duration::from_millis(50);
 
 /// A run time that the motor has told, and when; at first, of a motor that has told nothing, the
 /// least that it can have been.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct RunTime {
     ms: u32,
     at: Instant,
@@ -42,7 +43,7 @@ impl RunTime {
 }
 
 /// A restart under way.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Restart {
     /// When the motor's run time was read before it was told.
     since: Option<Instant>,

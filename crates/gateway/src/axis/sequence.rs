@@ -1,10 +1,12 @@
 //! A place in a table of exchanges: arming, reading, clearing and stopping all go through one.
 
 use crate::protocol::Exchange;
+use serde::{Deserialize, Serialize};
 
 /// What comes next of a table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Sequence {
+    #[serde(skip)]
     steps: &'static [Exchange],
     at: u8,
 }
@@ -12,6 +14,11 @@ pub(crate) struct Sequence {
 impl Sequence {
     pub const fn new(steps: &'static [Exchange]) -> Self {
         Self { steps, at: 0 }
+    }
+
+    /// The same place in its table, which a snapshot leaves out.
+    pub fn attach(&mut self, steps: &'static [Exchange]) {
+        self.steps = steps;
     }
 
     /// The place in the table.

@@ -8,6 +8,7 @@ use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::replies::MoveTarget;
 use host_protocol::{AxisParameter, CycleResult, Error, Quantity, Setpoint, TripReason};
+use serde::{Deserialize, Serialize};
 
 /// What a host gives with everything that moves.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +28,7 @@ pub(crate) struct NativeMotion {
 }
 
 /// A setpoint and the command that carries it out.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Motion {
     pub command: Command,
     /// Counts the motions of the axis.

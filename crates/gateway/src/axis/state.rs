@@ -8,9 +8,10 @@ use crate::time::Instant;
 use host_protocol::{
     AxisParameter, AxisState, CycleResult, Error, Event, StateField, StopAction, Trip, TripReason,
 };
+use serde::{Deserialize, Serialize};
 
 /// Where an axis stands.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) enum State {
     /// A required parameter is missing.
     Unconfigured,
@@ -31,7 +32,7 @@ pub(super) enum State {
 }
 
 /// What an armed axis remembers of its motor.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Armed {
     /// Setpoints must carry it.
     pub epoch: u32,
@@ -52,7 +53,7 @@ pub(super) struct Armed {
 }
 
 /// Whether the motor carries out the last motion, as far as its replies tell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub(super) struct EchoCheck {
     /// It was answered by zeros: the speed is to be read, which tells whether that was a state
     /// (PROTOCOL-NOTES R30).
@@ -62,7 +63,7 @@ pub(super) struct EchoCheck {
 }
 
 /// A trip, and who still has to hear of it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Tripped {
     trip: Trip,
     /// It has still to reach the others of its group.

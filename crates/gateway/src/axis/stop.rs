@@ -7,6 +7,7 @@ use crate::measured::Observation;
 use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Instant};
 use crate::transaction::Transaction;
+use serde::{Deserialize, Serialize};
 
 /// Every stop is sent at least this often.
 const STOPS_AT_LEAST: u8 = 2;
@@ -33,7 +34,7 @@ const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
 const BRAKE_LOCKS_WITHIN: Duration = Duration::from_millis(1_000);
 
 /// What a stop does between the steps of its table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Detour {
     /// Nothing: it goes through its table.
     None,
@@ -49,7 +50,7 @@ enum Detour {
 
 /// Whether an unreachable motor is left alone, so that its own timeout can act: two stops between
 /// silences, until it answers one of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Backoff {
     None,
     Resting {
@@ -64,7 +65,7 @@ enum Backoff {
 }
 
 /// A stop under way, or confirmed and being repeated.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Stop {
     sequence: Sequence,
     detour: Detour,
@@ -122,6 +123,11 @@ pub(super) enum StopEffect {
 }
 
 impl Stop {
+    /// Gives the stop its table again, which a snapshot leaves out.
+    pub fn attach(&mut self, config: &AxisConfig) {
+        self.sequence.attach(protocol::stop_steps(config));
+    }
+
     pub fn new(now: Instant, from_rest: bool, config: &AxisConfig) -> Self {
         Self {
             sequence: Sequence::new(protocol::stop_steps(config)),

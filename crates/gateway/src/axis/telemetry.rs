@@ -2,13 +2,14 @@
 //! millisecond.
 
 use crate::time::Instant;
+use serde::{Deserialize, Serialize};
 
 /// Of each kind one frame is told in this time, µs. Samples, at the pace that a host asks for, have
 /// the values of all.
 const PERIOD_US: u32 = 1_000_000;
 
 /// What has been told of one axis.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Telemetry {
     /// When the period under way began, the low bits of its µs.
     since: u32,

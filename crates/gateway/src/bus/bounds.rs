@@ -13,6 +13,7 @@ use crate::set::Set;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{BusKind, Event, TripReason};
+use serde::{Deserialize, Serialize};
 
 /// [`MAX_OUTSTANDING`] as a divisor.
 const OUTSTANDING: NonZeroU64 = NonZeroU64::new(MAX_OUTSTANDING as u64).unwrap();
@@ -26,7 +27,7 @@ const ALLOWANCE: Duration = Duration::from_millis(1);
 const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 
 /// What the axes of a bus have it carry, and how long others wait for it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Bounds {
     /// Frames beyond the first with which motors answer one motion each.
     further_replies: u64,

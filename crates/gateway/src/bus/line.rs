@@ -5,6 +5,7 @@ use crate::protocol::{Deframer, Info, Serial, SerialFrame};
 use crate::time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use host_protocol::ProtocolSet;
+use serde::{Deserialize, Serialize};
 
 /// Idle bits between the last byte heard and the next byte sent.
 pub(super) const GAP_BITS: u64 = 20;
@@ -36,7 +37,7 @@ pub(super) enum Heard {
 }
 
 /// The state of one serial line.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Line {
     local_echo: bool,
     /// What we have sent and not yet heard back.
@@ -44,8 +45,7 @@ pub(super) struct Line {
     /// The frame that we have sent, as long as its echo may still come behind bytes that are not
     /// ours.
     sent_frame: Option<SerialFrame>,
-    /// How its frames look, and what finds them.
-    serial: Option<&'static Serial>,
+    /// What finds its frames.
     deframer: Option<Deframer>,
     /// What earlier deframers have rejected.
     rejected_before: u32,
@@ -59,7 +59,7 @@ pub(super) struct Line {
     awaited: Option<Awaited>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Awaited {
     until: Instant,
     /// Until when it delays a stop.
@@ -96,7 +96,6 @@ impl Line {
             local_echo,
             echo: Deque::new(),
             sent_frame: None,
-            serial: None,
             deframer: None,
             rejected_before: 0,
             active_at: Instant::from_micros(0),
@@ -109,12 +108,12 @@ impl Line {
     /// From now on the frames of these protocols are found.
     pub fn configure(&mut self, protocols: ProtocolSet) {
         self.rejected_before = self.rejected();
-        self.serial = serial_of(protocols);
-        self.deframer = self.serial.map(|serial| serial.deframer.clone());
+        self.deframer = serial_of(protocols).map(|serial| serial.deframer.clone());
     }
 
+    /// How its frames look.
     pub fn serial(&self) -> Option<&'static Serial> {
-        self.serial
+        self.deframer.as_ref().and_then(Deframer::serial)
     }
 
     pub fn restart(&mut self) {

@@ -21,14 +21,14 @@ use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
 use crate::set::Set;
 use crate::time::{Duration, Instant};
 use bounds::Bounds;
-use embedded_can::Id;
 use frame_bits::STANDARD_FRAME_BITS;
 use host_protocol::replies::BusReport;
 use host_protocol::{
-    AxisState, BusConfig, BusCounters, BusKind, BusMode, BusState, Error, Event, ProtocolSet,
-    TripReason,
+    AxisState, BusConfig, BusCounters, BusKind, BusMode, BusState, CanId, Error, Event,
+    ProtocolSet, TripReason,
 };
 use line::Line;
+use serde::{Deserialize, Serialize};
 
 /// Pause before a bus that is off is started again: the first, and the longest of those that double
 /// while it goes off anew.
@@ -38,9 +38,10 @@ const LONGEST_PAUSE: Duration = Duration::from_millis(1_600);
 const RECOVERED_AFTER: Duration = Duration::from_millis(2_000);
 
 /// One bus of the gateway.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Bus {
     index: u8,
+    #[serde(skip)]
     port: BusPort,
     config: Option<BusConfig>,
     generation: u32,
@@ -83,7 +84,7 @@ pub(crate) struct Bus {
 }
 
 /// When time alone brings something to a bus.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 struct Due {
     /// It must be looked at again; [`Instant::NEVER`] where nothing comes.
     at: Instant,
@@ -92,19 +93,19 @@ struct Due {
 }
 
 /// What a bus is configured with while it runs otherwise, and how it takes part meanwhile.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Borrowed {
     config: Option<BusConfig>,
     mode: BusMode,
 }
 
 /// A frame that the port has taken and not yet reported.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct InFlight {
     /// Whose it is; `None` for a raw frame.
     axis: Option<u8>,
     /// Arbitration id on CAN: two frames of one id are never in a controller at once.
-    id: Option<Id>,
+    id: Option<CanId>,
     /// When it counts as not acknowledged.
     deadline: Instant,
     overdue: bool,
@@ -154,6 +155,11 @@ impl Bus {
             last_served: 0,
             due: Due { at: Instant::NEVER, expires: Instant::NEVER },
         }
+    }
+
+    /// The same bus, taken from a snapshot, on its port.
+    pub fn attach(&mut self, port: BusPort) {
+        self.port = port;
     }
 
     /// When the bus must be looked at again; [`Instant::NEVER`] where nothing comes.

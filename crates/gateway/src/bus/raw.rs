@@ -4,6 +4,7 @@ use crate::time::{Duration, Instant};
 use heapless::{Deque, Vec};
 use host_protocol::replies::{MAX_RAW_FRAMES, RawFrames};
 use host_protocol::{Bytes, RawFrame, ReceivedFrame};
+use serde::{Deserialize, Serialize};
 
 /// Frames waiting to be sent.
 const SEND_QUEUE: usize = 2;
@@ -11,7 +12,7 @@ const SEND_QUEUE: usize = 2;
 const RECEIVE_QUEUE: usize = 8;
 
 /// An open raw access.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Raw {
     /// Frames that may do more than read a motor are sent too.
     unsafe_access: bool,

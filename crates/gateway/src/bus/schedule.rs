@@ -7,8 +7,7 @@ use crate::axis::{Axis, Is, Priority, Request};
 use crate::protocol;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
-use embedded_can::Id;
-use host_protocol::BusKind;
+use host_protocol::{BusKind, CanId};
 
 /// Requests outstanding on a CAN bus where replies win the arbitration against stops: a stop can
 /// lose to so many (GUARANTEES G5).
@@ -30,7 +29,7 @@ pub(super) enum Room {
 
 /// What decides between requests: the least goes first. The priority, then the id where that
 /// decides, compared as in the arbitration.
-type Precedence = (u8, Option<Id>);
+type Precedence = (u8, Option<CanId>);
 
 /// How far the stops on a bus are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -255,7 +254,7 @@ impl Bus {
 
     /// The highest id of a first stop in the controller that still goes before everything else: a
     /// frame beside it with a lower id would leave before it.
-    pub(super) fn first_stop_in_controller(&self, now: Instant, axes: &Axes) -> Option<Id> {
+    pub(super) fn first_stop_in_controller(&self, now: Instant, axes: &Axes) -> Option<CanId> {
         let first_stops = self.in_flight.iter().flatten().filter(|f| f.is_first_stop);
         first_stops.filter_map(|f| f.id).max().filter(|_| self.stops(now, axes) == Stops::First)
     }

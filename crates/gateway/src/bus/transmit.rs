@@ -9,9 +9,8 @@ use crate::outbox::Outbox;
 use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
 use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Earliest, Instant};
-use embedded_can::Id;
 use heapless::Vec;
-use host_protocol::{BusKind, RawFrame, TripReason};
+use host_protocol::{BusKind, CanId, RawFrame, TripReason};
 
 /// A frame that nobody has acknowledged within this and four frame times is overdue (GUARANTEES
 /// G3).
@@ -292,8 +291,8 @@ impl Bus {
         frame: Outgoing,
         within: Duration,
     ) -> Transmit {
-        let id: Option<Id> = match &frame {
-            Outgoing::Can(frame) => Some(frame.id()),
+        let id: Option<CanId> = match &frame {
+            Outgoing::Can(frame) => Some(CanId(frame.id())),
             Outgoing::Serial(bytes) => {
                 self.line.taken(now, bytes);
                 None

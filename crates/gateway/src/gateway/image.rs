@@ -10,6 +10,7 @@ use crate::time::{Duration, Instant};
 use host_protocol::{
     Error, IMAGE_UNIT, ImageState, MAX_IMAGE_BYTES, Reply, Request, replies, requests,
 };
+use serde::{Deserialize, Serialize};
 
 #[expect(clippy::cast_possible_truncation, reason = "some bytes")]
 const UNIT: u32 = IMAGE_UNIT as u32;
@@ -19,7 +20,7 @@ const TRIAL: Duration = Duration::from_millis(60_000);
 const RESTARTS_AFTER: Duration = Duration::from_millis(100);
 
 /// What is known of images.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Image {
     images: Images,
     /// The image that is being sent.

@@ -8,6 +8,7 @@ use core::fmt;
 use core::ops::Range;
 use heapless::Vec;
 use host_protocol::{Error, MAX_NAME, Named, Subject, Text, is_name, replies, requests};
+use serde::{Deserialize, Serialize};
 
 /// Words of a name.
 pub(crate) const NAME_WORDS: usize = MAX_NAME / size_of::<u32>();
@@ -17,7 +18,7 @@ pub(crate) type NameWords = [u32; NAME_WORDS];
 
 /// The name of each row; zeros where it has none. Made in its place by [`init`](Self::init): what is
 /// made before passes over the stack.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Names {
     of: Vec<NameWords, STORED_ROWS>,
 }

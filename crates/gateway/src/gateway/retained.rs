@@ -34,6 +34,8 @@ use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
 use host_protocol::{BusConfig, Incident, ProtocolSet, Subject, TripReason, requests};
 use layout::{Place, SLOTS, WRITING_AT};
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 use slot::{Condition, Found};
 use states::{E_STOPPED, MIXED, States};
 
@@ -48,9 +50,10 @@ const BUS_WORDS: usize = 4 + NAME_WORDS;
 const INCIDENTS_AT_ONCE: usize = 2;
 
 /// What has been saved, and what has changed since.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Retention {
     /// The generation last written of each slot.
+    #[serde(with = "BigArray")]
     generations: [u32; SLOTS],
     /// Axes configured anew, or whose motor was.
     axes: Set,
@@ -72,7 +75,7 @@ pub(crate) struct Retention {
 }
 
 /// What is in the memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Memory {
     /// Anything: the power was off, or another firmware wrote it.
     Foreign,

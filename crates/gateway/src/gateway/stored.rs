@@ -16,6 +16,7 @@ use host_protocol::{
     AxisParameter, Change, Error, GatewayParameter, MAX_NAME, Reply, Request, StoredState, Subject,
     replies,
 };
+use serde::{Deserialize, Serialize};
 
 /// Rows of a configuration: the gateway, its buses, its axes.
 pub const STORED_ROWS: usize = AXIS_ROWS.end;
@@ -36,7 +37,7 @@ const _: () =
 pub type NextRow<'a> = &'a mut dyn FnMut(&mut [u8; MAX_STORED_ROW]) -> Option<Result<usize, ()>>;
 
 /// What is stored, as far as the core knows.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Stored {
     state: State,
     /// The digest of the running configuration: the sum of the checksums of its rows. So a row that
@@ -46,13 +47,13 @@ pub(crate) struct Stored {
     saving: Option<Saving>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 enum State {
     Found(Found),
     Refused { error: u16 },
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Saving {
     save: Save,
     ticket: Ticket,

@@ -2,6 +2,7 @@
 
 use super::SILENCE_US;
 use host_protocol::{DEFAULT_BAUD, Error, MAX_BITRATES};
+use serde::{Deserialize, Serialize};
 
 /// So often in a row something unreadable comes before the host counts as lost at this rate.
 const UNREADABLE: u8 = 3;
@@ -9,8 +10,9 @@ const UNREADABLE: u8 = 3;
 const ONE_FRAME_US: u64 = 5_000;
 
 /// The rate of a link.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Baud {
+    #[serde(skip)]
     offered: &'static [u32],
     now: u32,
     /// It is next, when the replies that wait have left.
@@ -27,6 +29,11 @@ impl Baud {
     pub const fn new(offered: &'static [u32]) -> Self {
         let (next, unreadable, unreadable_us) = (None, 0, 0);
         Self { offered, now: DEFAULT_BAUD, next, unreadable, unreadable_us, has_changed: false }
+    }
+
+    /// The rates that its port offers, which a snapshot leaves out.
+    pub fn attach(&mut self, offered: &'static [u32]) {
+        self.offered = offered;
     }
 
     pub fn now(&self) -> u32 {

@@ -4,12 +4,13 @@ use core::mem::take;
 
 use super::ring::{Cursor, Ring};
 use host_protocol::{CycleEvent, Event, FrameError, MAX_FRAME};
+use serde::{Deserialize, Serialize};
 
 /// Reasons of [`FrameError`], numbered from 1 without gaps.
 const REASONS: usize = FrameError::ALL.len();
 
 /// How often something happened that is reported as one event.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Tally {
     count: u32,
     /// The last time.
@@ -27,7 +28,7 @@ impl Tally {
 
 /// The place in the ring, and the faults of the link itself, which are counted instead of queued so that noise
 /// on the line cannot push out what happened to an axis.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Events {
     next: Cursor,
     /// Events lost since the last one sent.

@@ -9,12 +9,13 @@ use core::mem::take;
 use core::ops::{Deref, DerefMut};
 use heapless::Vec;
 use host_protocol::{Error, Event, MAX_FRAME, Reply, Request};
+use serde::{Deserialize, Serialize};
 
 /// The host links, and the log, which hears what they all hear.
 ///
 /// `links` comes last: with zeros right behind it the compiler makes it on the stack, which has no
 /// room for it, and then moves it.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 #[repr(C)]
 pub(crate) struct Links {
     /// What happened.
@@ -28,6 +29,7 @@ pub(crate) struct Links {
     /// The same of the log.
     log_changed: bool,
     /// When the first of them is due; `None` where that has to be worked out.
+    #[serde(skip)]
     due: Option<Instant>,
     links: Vec<Link, MAX_LINKS>,
 }

@@ -25,6 +25,7 @@ use host_protocol::{
     StateFields, requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
+use serde::{Deserialize, Serialize};
 use subscription::Subscription;
 
 /// A host that has sent nothing valid for so long is told no samples any more, and its link runs at
@@ -37,7 +38,7 @@ const MEMORY_BUDGET: usize = 7 * 1024;
 const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
 
 /// The session of one host link.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Link {
     deframer: Deframer,
     replies: Replies,
@@ -70,6 +71,11 @@ impl Link {
     /// The rates that its port offers.
     pub(crate) fn offer(&mut self, bauds: &'static [u32]) {
         self.baud = Baud::new(bauds);
+    }
+
+    /// The same link, taken from a snapshot, on its port.
+    pub(crate) fn attach(&mut self, bauds: &'static [u32]) {
+        self.baud.attach(bauds);
     }
 
     /// The rate that it runs at, where it is a UART.

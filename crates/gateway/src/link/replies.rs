@@ -2,12 +2,14 @@
 
 use heapless::Deque;
 use host_protocol::{Error, Frame, MAX_FRAME, Reply};
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 
 /// Requests that are remembered, and replies that can wait.
 const WINDOW: usize = 8;
 
 /// The place of one request's result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Slot {
     index: usize,
     /// Which request of the link it belongs to: tells a late result from that of a later request
@@ -29,7 +31,7 @@ pub enum Reserved {
     Full,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum State {
     Executing,
     /// The reply is to be sent.
@@ -39,7 +41,7 @@ enum State {
 }
 
 /// What tells a request from another. The checksum covers header and body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
     // First: they are compared in this order, and mostly it differs.
     checksum: u32,
@@ -56,7 +58,7 @@ impl Identity {
     }
 }
 
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 struct Entry {
     state: State,
     request: Option<Identity>,
@@ -64,6 +66,7 @@ struct Entry {
     order: u32,
     /// Bytes of the reply.
     length: u16,
+    #[serde(with = "BigArray")]
     reply: [u8; MAX_FRAME],
 }
 
@@ -73,7 +76,7 @@ impl Entry {
 }
 
 /// The window of remembered requests.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Replies {
     entries: [Entry; WINDOW],
     /// The last requests. While replies are owed their places are fewer than these.

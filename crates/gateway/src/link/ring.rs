@@ -5,12 +5,13 @@ use host_protocol::Event;
 
 use crate::MAX_AXES;
 use crate::log::LogEntry;
+use serde::{Deserialize, Serialize};
 
 /// Entries that are kept: those of an e-stop of all axes, and some more.
 pub(crate) const RING: usize = MAX_AXES + 8;
 
 /// Something that has happened.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Entry {
     pub time_us: u64,
     /// Events before this, those of before the ring too; wraps around.
@@ -19,7 +20,7 @@ pub(crate) struct Entry {
 }
 
 /// Who is told remembers how far; both wrap around.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Cursor {
     /// The next entry.
     pub entry: u32,
@@ -29,7 +30,7 @@ pub(crate) struct Cursor {
 
 /// The latest entries. A new one takes the place of the oldest, whether everybody has been told of
 /// that or not.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Ring {
     entries: Deque<Entry, RING>,
     end: Cursor,

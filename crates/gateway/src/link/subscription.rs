@@ -4,9 +4,10 @@ use super::SILENCE_US;
 use crate::set::Set;
 use host_protocol::requests::{self, SUBSCRIPTION_PERIOD_US};
 use host_protocol::{Error, Quantity, StateFields};
+use serde::{Deserialize, Serialize};
 
 /// A subscription in force.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Subscription {
     axes: Set,
     fields: StateFields,

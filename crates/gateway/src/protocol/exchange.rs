@@ -1,7 +1,9 @@
 //! What the core can want from a motor, in words that belong to no protocol.
 
+use serde::{Deserialize, Serialize};
+
 /// One request to a motor and its reply. Each protocol says which command serves it, if any.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Exchange {
     /// The setpoint in force; its command is kept with the setpoint.
     Motion,

@@ -45,12 +45,12 @@ pub(crate) fn has_extended_ids(config: &AxisConfig) -> bool {
 
 /// Whether the motor of an axis is asked with an id of 29 bits.
 pub(crate) fn has_extended_request_id(config: &AxisConfig) -> bool {
-    matches!(stop_id(config), Some(Id::Extended(_)))
+    matches!(stop_id(config), Some(CanId(Id::Extended(_))))
 }
 
 /// The id on CAN of every frame that a stop sends to the axis's motor.
-pub(crate) fn stop_id(config: &AxisConfig) -> Option<Id> {
-    (Info::of_axis(config)?.request_id)(config.node()?, config).map(|CanId(id)| id)
+pub(crate) fn stop_id(config: &AxisConfig) -> Option<CanId> {
+    (Info::of_axis(config)?.request_id)(config.node()?, config)
 }
 
 /// The id on CAN of the motor's replies.

@@ -34,10 +34,11 @@ use host_protocol::{
     AxisParameter, BusKind, CanFrame, CanId, Error, Protocol, ProtocolSet, Quantity, Setpoint,
     StopAction,
 };
+use serde::{Deserialize, Serialize};
 use thruster::ReturnMode;
 
 /// A command for a motor in the words of its protocol's codec.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Command {
     Rmd(::rmd::Request),
     /// A read whose answer tells the dialect by its form, by its place among those.

@@ -2,6 +2,7 @@
 
 use super::{Command, Received};
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 /// The longest frame of a protocol on a serial line, bytes.
 const MAX_FRAME: usize = ::rmd::rs485::FRAME_LEN;
@@ -26,13 +27,21 @@ pub(crate) struct Serial {
 }
 
 /// Finds the frames of one protocol in the bytes of a line.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) enum Deframer {
     Rmd(::rmd::rs485::Deframer),
     D5(::d5::serial::Deframer),
 }
 
 impl Deframer {
+    /// How its protocol looks on a serial line.
+    pub fn serial(&self) -> Option<&'static Serial> {
+        match self {
+            Self::Rmd(_) => const { super::rmd::INFO.serial.as_ref() },
+            Self::D5(_) => const { super::d5::INFO.serial.as_ref() },
+        }
+    }
+
     /// Takes the next byte of the line; yields the frame that it completes.
     pub fn push(&mut self, byte: u8) -> Option<SerialFrame> {
         match self {

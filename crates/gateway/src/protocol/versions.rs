@@ -5,9 +5,10 @@ use super::rmd;
 use crate::measured::Versions;
 use host_protocol::replies::{MAX_VERSION_ANSWERS, Recognition, VersionAnswer};
 use host_protocol::{Agreement, MAX_CAN_DATA};
+use serde::{Deserialize, Serialize};
 
 /// What a motor answered to one of the reads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 struct Told {
     answer: [u8; MAX_CAN_DATA],
     /// None: it has told nothing.
@@ -21,7 +22,7 @@ impl Told {
 }
 
 /// What a motor answered to the reads that tell its version.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Evidence([Told; MAX_VERSION_ANSWERS]);
 
 const _: () = assert!(::rmd::PROBES.len() == MAX_VERSION_ANSWERS, "as many answers as reads");

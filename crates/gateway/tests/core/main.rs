@@ -48,6 +48,7 @@ mod restart;
 mod rig;
 mod rules;
 mod running;
+mod snapshot;
 mod stop_again;
 mod stops;
 mod subscriptions;

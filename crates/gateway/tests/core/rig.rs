@@ -3,8 +3,8 @@
 
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
-    Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort, Outgoing, RETAINED_WORDS, Set,
-    Transmit,
+    Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort, MAX_SNAPSHOT, Outgoing,
+    RETAINED_WORDS, Set, Transmit,
 };
 use host_protocol::{
     BootReason, BusLimit, BusState, CanFrame, CycleEvent, CycleMessage, Deframer, Error,
@@ -18,7 +18,7 @@ const BAUDS: &[u32] = &[115_200, 2_000_000];
 
 /// Buses 0 and 1 are CAN, bus 2 is RS485 with echo.
 pub static BOARD: Board = BOARD_VALUES;
-const BOARD_VALUES: Board = Board {
+pub const BOARD_VALUES: Board = Board {
     name: "rig",
     firmware: "0.1.0",
     build_id: "test",
@@ -90,6 +90,7 @@ pub enum Echo {
 
 pub struct Rig {
     pub gateway: Gateway,
+    events: u32,
     /// What outlives a reset.
     pub memory: Vec<u32>,
     pub now_us: u64,
@@ -142,6 +143,7 @@ impl Rig {
     pub fn new() -> Self {
         let mut rig = Self {
             gateway: Gateway::new(&BOARD, Some(0)),
+            events: 0,
             memory: vec![0xA5A5_A5A5; RETAINED_WORDS],
             now_us: 1_000,
             wire: Vec::new(),
@@ -258,9 +260,23 @@ impl Rig {
 
     /// The gateway takes in an event and stores what it must, and that is all.
     pub fn take_in(&mut self, event: Event<'_>) {
+        self.go_on_from_a_snapshot();
         let now = self.now();
         let changes = self.gateway.handle(now, event, &mut |index, word| self.memory[index] = word);
         self.named = self.named.with(changes.buses);
+    }
+
+    /// From now on it is another gateway, which goes on from a snapshot: nobody notices. Not at
+    /// each event of a long test.
+    fn go_on_from_a_snapshot(&mut self) {
+        self.events += 1;
+        if self.events > 50 && !self.events.is_multiple_of(101) {
+            return;
+        }
+        let mut bytes = [0; MAX_SNAPSHOT];
+        let taken = self.gateway.snapshot(&mut bytes).expect("it fits");
+        let board = self.gateway.board();
+        self.gateway = Gateway::resume(board, taken).expect("this build has written it");
     }
 
     /// Stores a part of the rest; whether that was all.

@@ -3,12 +3,17 @@
 use super::{MAX_AT_ONCE, World};
 use crate::bus::{arbitration, can_frame};
 use crate::plant::{BUSES, LINKS};
-use gateway::{Event, Instant, Outgoing, SaveError, Set, Transmit, port::TRANSMIT_SLOTS};
+use gateway::{
+    Event, Gateway, Instant, MAX_SNAPSHOT, Outgoing, SaveError, Set, Transmit, port::TRANSMIT_SLOTS,
+};
 use host_protocol::{BusState, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
 use promise_model::Frame;
 
 /// Frames that a link may have for its host at one moment.
 const MAX_OUTPUT: usize = 300;
+
+/// So often the gateway goes on from a snapshot.
+const EVENTS_PER_SNAPSHOT: u64 = 1_000;
 
 /// An event on its way to the core.
 #[derive(Debug, Clone)]
@@ -132,12 +137,26 @@ impl World {
         self.counts.events += 1;
         self.counts.busy += u64::from(self.oracle.is_busy());
         self.life.suspend_reset(self.oracle.is_configuring());
+        self.go_on_from_a_snapshot();
         let changes = self.gateway.handle(Instant::from_micros(now), event, &mut self.life.store());
         self.named = self.named.with(changes.buses);
         self.life.stored(self.oracle.latches(now));
         if changes.save {
             self.store();
         }
+    }
+
+    /// Now and then the gateway is another one, which goes on from a snapshot: nobody notices.
+    fn go_on_from_a_snapshot(&mut self) {
+        if !self.counts.events.is_multiple_of(EVENTS_PER_SNAPSHOT) {
+            return;
+        }
+        let mut bytes = vec![0; MAX_SNAPSHOT];
+        let taken = self.gateway.snapshot(&mut bytes).expect("it fits").to_vec();
+        let board = self.gateway.board();
+        let mut resumed = Gateway::resume(board, &taken).expect("it can be read");
+        assert_eq!(resumed.snapshot(&mut bytes), Some(&taken[..]), "it is the same");
+        *self.gateway = resumed;
     }
 
     /// Everything that the gateway has to say to its hosts, when the buses have had their frames.

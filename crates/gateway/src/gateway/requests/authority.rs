@@ -3,9 +3,10 @@
 use crate::outbox::Ticket;
 use crate::time::{Duration, Instant};
 use host_protocol::{Error, GatewayParameter, Value};
+use serde::{Deserialize, Serialize};
 
 /// Who may command, and how long it may be silent.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Authority {
     holder: Option<u8>,
     /// When the holder took authority or was last heard.

@@ -14,9 +14,10 @@ use crate::time::Instant;
 use host_protocol::{
     Bytes, Error, FixedU32, MAX_CYCLE_AXES, Reply, Request, StateFields, replies, requests,
 };
+use serde::{Deserialize, Serialize};
 
 /// Axes that are being armed in one epoch.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Arming {
     ticket: Ticket,
     axes: Set,
@@ -24,7 +25,7 @@ pub(crate) struct Arming {
 }
 
 /// A cycle under way.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Cycle {
     ticket: Ticket,
     axes: Set,

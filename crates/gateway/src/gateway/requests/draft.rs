@@ -14,6 +14,7 @@ use crate::time::Duration;
 use core::ops::Range;
 use heapless::Vec;
 use host_protocol::{AxisParameter, BusConfig, Error, Value};
+use serde::{Deserialize, Serialize};
 
 /// Changes of axis parameters and of words of names that a list holds: eleven for each of 32 axes.
 const MOST: u16 = 352;
@@ -21,7 +22,7 @@ const MOST: u16 = 352;
 /// A list of changes. It belongs to the link in command, and is forgotten with its authority.
 ///
 /// `parameters` comes last, as the axes do in `Axes`.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[repr(C)]
 pub(crate) struct Draft {
     is_open: bool,
@@ -33,7 +34,7 @@ pub(crate) struct Draft {
 
 /// A parameter of an axis, or a word of the name of a row, and its value as bits, which is its new
 /// one until it is exchanged. In bytes, so that there is nothing between two.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Entry {
     /// The axis, or the row.
     of: u8,

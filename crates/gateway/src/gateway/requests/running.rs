@@ -14,9 +14,10 @@ use crate::time::{Duration, Instant};
 use host_protocol::{
     Bytes, CycleEvent, Error, FixedU32, MAX_FRAME, Overruns, Quantity, StateFields, requests,
 };
+use serde::{Deserialize, Serialize};
 
 /// A period.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Period {
     /// Counts from 0.
     number: u32,
@@ -28,7 +29,7 @@ struct Period {
 }
 
 /// A free-running cycle.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Running {
     link: u8,
     axes: Set,

@@ -16,9 +16,10 @@ use crate::time::Instant;
 use host_protocol::{
     AxisState, Error, Reply, Setpoint, TogetherBar, replies, requests::StartTogether,
 };
+use serde::{Deserialize, Serialize};
 
 /// A start under way.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Together {
     ticket: Ticket,
     /// Those that are to move.

@@ -1,6 +1,7 @@
 //! What changes while axes move, one word each.
 
 use crate::set::Set;
+use serde::{Deserialize, Serialize};
 
 /// Words of the states: those of [`States`].
 pub(super) const STATES_WORDS: usize = 6;
@@ -11,7 +12,7 @@ pub(super) const E_STOPPED: u32 = 1;
 pub(super) const MIXED: u32 = 2;
 
 /// What the gateway and its axes are in the middle of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct States {
     /// Starts since power came on.
     pub starts: u32,

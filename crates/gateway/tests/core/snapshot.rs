@@ -1,0 +1,27 @@
+//! What cannot be resumed. That what can be goes on as before, every test of this folder sees: its
+//! gateway is resumed before each event.
+
+use crate::rig::{BOARD, BOARD_VALUES, Rig};
+use gateway::{Board, Gateway, MAX_SNAPSHOT, ResumeError};
+
+#[test]
+fn a_snapshot_of_other_bytes_or_of_another_board_is_refused() {
+    let mut rig = Rig::new();
+    let mut bytes = [0; MAX_SNAPSHOT];
+    let taken = rig.gateway.snapshot(&mut bytes).unwrap().to_vec();
+
+    let resumed = |bytes: &[u8]| Gateway::resume(&BOARD, bytes).map(|_| ());
+    assert_eq!(resumed(&taken), Ok(()));
+    assert_eq!(resumed(&[]), Err(ResumeError::Unreadable));
+    assert_eq!(resumed(&taken[..taken.len() - 1]), Err(ResumeError::Unreadable));
+    assert_eq!(resumed(&[&taken[..], &[0]].concat()), Err(ResumeError::Unreadable));
+
+    static ONE_BUS: Board = Board { buses: BOARD_VALUES.buses.split_at(1).0, ..BOARD_VALUES };
+    assert_eq!(Gateway::resume(&ONE_BUS, &taken).map(|_| ()), Err(ResumeError::OtherBoard));
+}
+
+#[test]
+fn a_snapshot_that_does_not_fit_is_none() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.gateway.snapshot(&mut [0; 1_000]), None);
+}
