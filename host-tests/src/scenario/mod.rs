@@ -56,6 +56,14 @@ pub fn trace(text: &str, seed: u64) -> Result<String, String> {
     play(text, seed).map(|bench| bench.whole_trace())
 }
 
+/// Runs a scenario with one seed, and returns the memory of the gateway's flight recorder.
+///
+/// # Errors
+/// As [`run`].
+pub fn flight_recorder(text: &str, seed: u64) -> Result<Vec<u8>, String> {
+    play(text, seed).map(|bench| bench.world.borrow().flight_recorder().to_vec())
+}
+
 fn play(text: &str, seed: u64) -> Result<Bench, String> {
     let lines = (1..).zip(text.lines()).map(|(number, line)| {
         let words: Vec<&str> = words::without_comment(line).split_whitespace().collect();

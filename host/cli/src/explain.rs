@@ -262,6 +262,7 @@ impl Page {
             | Failure::NotMeasured { .. }
             | Failure::File { .. }
             | Failure::Unwritten { .. }
+            | Failure::NotReplayed { .. }
             | Failure::Undecoded { .. }
             | Failure::Demonstration(_)
             | Failure::Unwell { .. }

@@ -58,6 +58,8 @@ pub enum Failure {
     File { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
     Lost { axes: Vec<u8>, cause: ClientError },
+    /// What a flight recorder has kept cannot be played, or did not end as recorded.
+    NotReplayed { path: String, why: String },
     /// Captured frames that have no meaning.
     Undecoded { failed: u64, total: u64 },
     /// An axis tripped while it was to be held.
@@ -100,6 +102,7 @@ impl Failure {
             Self::NotMeasured { .. } => "NotMeasured",
             Self::Update { name, .. } | Self::Motor { name, .. } => name,
             Self::File { .. } => "File",
+            Self::NotReplayed { .. } => "NotReplayed",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
             Self::StoppedElsewhere { .. } => "StoppedElsewhere",
@@ -327,6 +330,7 @@ impl fmt::Display for Failure {
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")
             }
+            Self::NotReplayed { path, why } => write!(f, "{path}: {why}"),
             Self::Undecoded { failed, total } => {
                 write!(f, "{failed} of {total} lines are no frame that could be decoded")
             }

@@ -17,6 +17,7 @@ mod explain;
 mod failure;
 mod faults;
 mod find;
+pub mod flight;
 mod four_motors;
 mod frames;
 mod image;
@@ -55,7 +56,7 @@ use mgw_client::{Interrupt, Transport};
 use mgw_sim::{Injection, MotorWiring};
 use serde_json::Value;
 
-use args::{Cli, Command};
+use args::{Cli, Command, SimArgs};
 use failure::Failure;
 use output::Output;
 
@@ -120,7 +121,7 @@ pub type Told = Vec<(usize, Injection)>;
 /// they are not such arguments.
 pub fn factory_motors(arguments: &[&str]) -> Option<(Vec<MotorWiring>, Told)> {
     match Cli::try_parse_from(["mgw"].iter().chain(arguments)).ok()?.command? {
-        Command::Sim { motors, .. } => {
+        Command::Sim(SimArgs { motors, .. }) => {
             let (wiring, injections) = four_motors::wiring(&motors);
             Some((wiring.motors, injections))
         }
@@ -169,9 +170,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     let out = Output::new(cli.json);
     match &cli.command {
         None | Some(Command::Demo) => demo::run(out),
-        Some(Command::Sim { listen, unconfigured, d5_id, motors, storage }) => {
-            serve::run(*listen, *unconfigured, *d5_id, motors, storage.as_deref(), out)
-        }
+        Some(Command::Sim(arguments)) => serve::run(arguments, out),
         Some(Command::Serve(arguments)) => server::run(arguments, cli.port.as_deref(), out),
         Some(Command::Decode(arguments)) => decode::run(arguments, cli.json),
         Some(Command::Encode(arguments)) => encode::run(arguments, cli.json),
@@ -180,6 +179,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Image(arguments)) => image::run(arguments, out),
         Some(Command::Explain { code }) => explain::run(code.as_deref(), out),
         Some(Command::Play(arguments)) => record::play(arguments, out),
+        Some(Command::Replay { file, around }) => flight::run(file, *around, out),
         Some(Command::Plot(arguments)) => record::plot(arguments, out),
         Some(Command::Top(arguments)) => top::run(arguments, cli.port.as_deref(), out),
         Some(Command::Completion { shell }) => manual::completion(*shell),

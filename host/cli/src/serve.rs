@@ -1,18 +1,18 @@
 //! `mgw sim`: a simulated gateway behind a TCP port.
 
 use std::io::ErrorKind;
-use std::net::{SocketAddr, TcpListener};
+use std::net::TcpListener;
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
 
-use host_protocol::{AxisParameter, CanId, StoredState, Value};
+use host_protocol::{AxisParameter, StoredState, Value};
 use mgw_sim::{BOARD, images::ImageSlots};
 use serde_json::json;
 
-use crate::args::FactoryMotor;
+use crate::args::SimArgs;
 use crate::failure::Failure;
 use crate::four_motors;
 use crate::output::Output;
@@ -21,21 +21,16 @@ use crate::output::Output;
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// Serves until the process is ended.
-pub fn run(
-    listen: SocketAddr,
-    unconfigured: bool,
-    d5_id: Option<CanId>,
-    motors: &[FactoryMotor],
-    storage: Option<&Path>,
-    out: Output,
-) -> Result<(), Failure> {
+pub fn run(arguments: &SimArgs, out: Output) -> Result<(), Failure> {
+    let SimArgs { listen, d5_id, motors, flight_recorder, .. } = arguments;
+    let (d5_id, storage) = (*d5_id, arguments.storage.as_deref());
     // What comes from its box is not configured.
-    let unconfigured = unconfigured || !motors.is_empty();
+    let unconfigured = arguments.unconfigured || !motors.is_empty();
     let failed = |source| Failure::Server { address: listen.to_string(), source };
-    let listener = TcpListener::bind(listen).map_err(failed)?;
+    let listener = TcpListener::bind(*listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
 
-    let world = match motors {
+    let world = match motors.as_slice() {
         [] => four_motors::world(d5_id),
         motors => four_motors::of(motors)?,
     };
@@ -43,6 +38,13 @@ pub fn run(
         let path = storage.unwrap_or(Path::new("")).display().to_string();
         Failure::Usage(format!("{path} cannot be the storage: {source}"))
     })?;
+    let kept = flight_recorder.as_ref().map(|path| {
+        mgw_sim::FlightFile::new(path).map_err(|source| {
+            let path = path.display();
+            Failure::Usage(format!("{path} cannot be the file of the flight recorder: {source}"))
+        })
+    });
+    let kept = kept.transpose()?;
     world.borrow_mut().set_storage(stored);
     world.borrow_mut().set_images(ImageSlots::new(&BOARD));
     let is_stored = {
@@ -90,7 +92,7 @@ pub fn run(
     out.text("Ctrl-C ends it. What the motors and the server do, in seconds since the start:")?;
 
     let mut print_failure = None;
-    mgw_sim::serve(listener, world, &typed(), |line: &str| {
+    mgw_sim::serve(listener, world, &typed(), kept, |line: &str| {
         // A log that nobody reads is no reason to stop serving.
         print_failure = out.event("log", line, json!({ "message": line })).err();
     })

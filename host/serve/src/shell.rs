@@ -264,7 +264,7 @@ where
     fn disconnect(&mut self, id: ProgramId) {
         if let Some(connection) = self.connections.remove(&id) {
             if self.multiplexer.in_command() == Some(id) {
-                (self.log)("the program in command has gone: what it had armed stops");
+                (self.log)("the program in command has gone: whatever it had armed stops");
             }
             connection.stream.end();
             self.multiplexer.program_closed(id);

@@ -35,7 +35,7 @@ mod world;
 pub use bus::{BusFault, Station, Wire};
 pub use can::frame_bits as can_frame_bits;
 pub use motors::{Beginning, Injection, LogEntry, Motor, MotorEvent, MotorLog, Outgoing, Turning};
-pub use serve::{Server, put_fault, serve};
+pub use serve::{FlightFile, Server, put_fault, serve};
 pub use transport::{SharedWorld, SimTransport};
 pub use wiring::{BOARD, MotorWiring, Wiring, WiringError};
 pub use world::{TraceEntry, World};

@@ -18,7 +18,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use host_protocol::CanId;
 
@@ -38,7 +38,7 @@ pub use plan::{HostLine, PlanArgs};
 pub use recording::{FileArgs, Part, PlayArgs, PlotArgs, RecordArgs};
 pub use typed::{Typed, TypedClear, TypedMotor, TypedScan, TypedStop};
 pub use update::{ImageArgs, UpdateArgs};
-use values::{clear_target, seconds, stop_target};
+use values::{clear_target, seconds, some_seconds, stop_target};
 pub use watching::{RawAction, TopArgs, WatchArgs};
 
 /// Where `mgw sim` listens unless told otherwise.
@@ -101,28 +101,7 @@ pub enum Command {
             which is printed\n  \
             mgw sim --motor 0:rmd:1:v4_4 --motor 0:thruster:11 --motor 2:rmd:1@500000"
     )]
-    Sim {
-        /// Address to listen on; port 0 takes a free one
-        #[arg(long, default_value = DEFAULT_LISTEN, value_name = "HOST:PORT")]
-        listen: SocketAddr,
-        /// Leave buses and axes unconfigured, as a board is after power-on
-        #[arg(long)]
-        unconfigured: bool,
-        /// CAN id of the D5 motor, 0x123 or, of 29 bits, extended:0x12345678; its node unless
-        /// given
-        #[arg(long, value_name = "CAN_ID")]
-        d5_id: Option<CanId>,
-        /// A motor instead of the four, unconfigured, as it comes from its box; may be given often.
-        /// RATE where it is not the usual one; DIALECT of an RMD, v3_6 to v4_4
-        #[arg(
-            long = "motor", value_name = "BUS:PROTOCOL:NODE[:DIALECT][@RATE]",
-            value_parser = values::factory_motor, conflicts_with = "d5_id"
-        )]
-        motors: Vec<FactoryMotor>,
-        /// Keep what `config save` stores in this file; what it holds runs at the start
-        #[arg(long, value_name = "FILE")]
-        storage: Option<PathBuf>,
-    },
+    Sim(SimArgs),
 
     /// Own the cable to a gateway and offer it to any number of local programs
     ///
@@ -340,6 +319,26 @@ pub enum Command {
             mgw play bus.mcap --candump | mgw decode")]
     Play(PlayArgs),
 
+    /// Play again what led to a trip, on the core of this program; needs no gateway
+    ///
+    /// FILE is what a flight recorder has kept: a snapshot of the gateway and every event since. The
+    /// core of the same build does it all again, and must end with the same trip at the same
+    /// microsecond; else the exit code is 1.
+    #[command(after_help = "Examples:\n  mgw sim --flight-recorder trip.mgfr\n  \
+            mgw replay trip.mgfr                  20 ms before the trip and 20 ms of its stop\n  \
+            mgw replay trip.mgfr --around 2 --json")]
+    Replay {
+        /// The file
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+        /// Seconds before and after the trip of which every frame is shown
+        #[arg(
+            long, value_name = "SECONDS", default_value = "0.02", value_parser = some_seconds,
+            allow_negative_numbers = true
+        )]
+        around: Duration,
+    },
+
     /// Draw curves of a recording as SVG or PNG; needs no gateway
     ///
     /// A chart for each field, a curve for each axis, over the time of the gateway; a red line
@@ -520,6 +519,33 @@ pub enum Command {
         #[arg(long, conflicts_with = "command")]
         dir: Option<PathBuf>,
     },
+}
+
+#[derive(Debug, Args)]
+pub struct SimArgs {
+    /// Address to listen on; port 0 takes a free one
+    #[arg(long, default_value = DEFAULT_LISTEN, value_name = "HOST:PORT")]
+    pub listen: SocketAddr,
+    /// Leave buses and axes unconfigured, as a board is after power-on
+    #[arg(long)]
+    pub unconfigured: bool,
+    /// CAN id of the D5 motor, 0x123 or, of 29 bits, extended:0x12345678; its node unless
+    /// given
+    #[arg(long, value_name = "CAN_ID")]
+    pub d5_id: Option<CanId>,
+    /// A motor instead of the four, unconfigured, as it comes from its box; may be given often.
+    /// RATE where it is not the usual one; DIALECT of an RMD, v3_6 to v4_4
+    #[arg(
+        long = "motor", value_name = "BUS:PROTOCOL:NODE[:DIALECT][@RATE]",
+        value_parser = values::factory_motor, conflicts_with = "d5_id"
+    )]
+    pub motors: Vec<FactoryMotor>,
+    /// Keep what `config save` stores in this file; what it holds runs at the start
+    #[arg(long, value_name = "FILE")]
+    pub storage: Option<PathBuf>,
+    /// Keep in this file what led to the latest trip, for `mgw replay`
+    #[arg(long, value_name = "FILE")]
+    pub flight_recorder: Option<PathBuf>,
 }
 
 #[cfg(test)]

@@ -118,7 +118,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
     match command {
         // These have no gateway to talk to; they never come here.
         Command::Demo
-        | Command::Sim { .. }
+        | Command::Sim(_)
         | Command::Serve(_)
         | Command::Decode(_)
         | Command::Encode(_)
@@ -128,6 +128,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         | Command::Explain { .. }
         | Command::Play(_)
         | Command::Plot(_)
+        | Command::Replay { .. }
         | Command::Top(_)
         | Command::Completion { .. }
         | Command::Man { .. } => Ok(()),

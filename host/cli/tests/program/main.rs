@@ -27,6 +27,7 @@ mod plan;
 mod pty;
 mod record;
 mod refusals;
+mod replay;
 mod scan;
 mod schema;
 #[cfg(unix)]

@@ -2,6 +2,7 @@
 
 mod connection;
 mod faults;
+mod flight_file;
 mod requests;
 mod waiting;
 
@@ -12,6 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 pub use self::faults::apply as put_fault;
+pub use self::flight_file::FlightFile;
 
 use self::connection::Connection;
 use self::waiting::{PATIENCE, PLACES, Verdict, Waiting};
@@ -32,6 +34,8 @@ const BACKLOG: usize = 4_096;
 /// whose first request is a stop gets the link of the client that has not stopped or commanded
 /// anything for longest; the others are refused.
 ///
+/// What led to a trip goes to the file `flight_recorder`, see [`flight_recorder::Recording`].
+///
 /// Each line of the motors' logs, and each coming and going of a client, goes to `log`. Each of
 /// `lines` is a fault that somebody types; `help` lists them.
 ///
@@ -41,12 +45,16 @@ pub fn serve(
     listener: TcpListener,
     world: World,
     lines: &Receiver<String>,
+    mut flight_recorder: Option<FlightFile>,
     mut log: impl FnMut(&str),
 ) -> io::Result<()> {
     let mut server = Server::new(listener, world)?;
     let start = Instant::now();
     loop {
         server.turn(start.elapsed(), &mut log)?;
+        if let Some(file) = &mut flight_recorder {
+            file.look_at(server.world(), &mut log);
+        }
         lines.try_iter().for_each(|line| server.put_fault(&line, &mut log));
         thread::sleep(TURN);
     }

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use gateway::{Board, Event, Gateway, Images, Instant, RETAINED_WORDS, Save, Set};
+use gateway::{Board, Event, Images, Instant, RETAINED_WORDS, Save, Set};
 use host_protocol::BootReason;
 
 use super::trace::micros;
@@ -101,7 +101,7 @@ impl World {
         };
         let board = Board { boot, crash_report, firmware, ..*self.life.board };
         let board = Box::leak(Box::new(board));
-        *self.gateway = Gateway::new(board, self.life.take_random_number());
+        self.gateway.restart(board, self.life.take_random_number());
         (self.life.started, self.life.hangs, self.life.links_are_open) = (now, false, false);
         self.not_before = now;
         if let Some(images) = images {

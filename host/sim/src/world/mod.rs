@@ -5,6 +5,7 @@
 //! from the hosts, the gateway's own deadline, and then what starts on the buses. So a run depends
 //! on wiring, seed and input only, not on how it is cut into pieces.
 
+mod core;
 mod host_link;
 mod life;
 mod port;
@@ -13,11 +14,12 @@ mod trace;
 
 use std::time::Duration;
 
-use gateway::{Event, Gateway, Instant, MAX_LINKS, Set};
-use host_protocol::{BusState, MAX_FRAME};
+use gateway::{Event, Instant, MAX_LINKS, Set};
+use host_protocol::{BusState, MAX_FRAME, Trip};
 
 pub use self::trace::TraceEntry;
 
+use self::core::Core;
 use self::host_link::HostLink;
 use self::life::Life;
 use self::port::{Medium, Port};
@@ -35,7 +37,7 @@ const TICK: Duration = Duration::from_micros(1);
 /// A gateway and everything around it.
 pub struct World {
     now: Duration,
-    gateway: Box<Gateway>,
+    gateway: Core,
     ports: Vec<Port>,
     motors: Vec<Motor>,
     links: Vec<HostLink>,
@@ -75,7 +77,7 @@ impl World {
         }
         let links = board.links.iter().take(MAX_LINKS).map(|_| HostLink::default()).collect();
         let mut life = Life::new(board, random_number);
-        let gateway = Box::new(Gateway::new(board, life.take_random_number()));
+        let gateway = Core::new(board, life.take_random_number());
         let (strangers, trace, not_before) =
             (Strangers::new(seed), Trace::default(), Duration::ZERO);
         let (now, named) = (Duration::ZERO, Set::ALL);
@@ -147,6 +149,21 @@ impl World {
     /// How many host links there are.
     pub fn host_links(&self) -> u8 {
         u8::try_from(self.links.len()).unwrap_or(u8::MAX)
+    }
+
+    /// The memory of the flight recorder, see [`flight_recorder::Recording`].
+    pub fn flight_recorder(&self) -> &[u8] {
+        self.gateway.recorded()
+    }
+
+    /// The trip that its memory has, and that of which axis.
+    pub fn recorded_trip(&self) -> Option<(u8, Trip)> {
+        flight_recorder::recorded_trip(self.flight_recorder())
+    }
+
+    /// Whether the flight recorder adds to its memory at present.
+    pub fn is_recording(&self) -> bool {
+        self.gateway.is_recording()
     }
 
     /// The motors, in the order of the wiring.
@@ -296,7 +313,7 @@ impl World {
         }
         self.set_up_ports();
         let now = self.gateway_now();
-        let named = core::mem::take(&mut self.named).with(self.gateway.take_changes().buses);
+        let named = std::mem::take(&mut self.named).with(self.gateway.take_changes().buses);
         for (bus, port) in (0..).zip(&mut self.ports).filter(|(bus, _)| named.has(*bus)) {
             while let Some(slot) = self.gateway.poll_cancel(now, bus) {
                 port.cancel(slot);

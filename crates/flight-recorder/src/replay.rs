@@ -1,0 +1,84 @@
+//! Does it all again.
+
+use crate::call::Call;
+use crate::recording::{Calls, Half, Recording};
+use core::fmt;
+use gateway::{Board, Gateway, Instant, ResumeError, Transmit};
+
+/// A recording that is played again, call by call, on a core of this build.
+pub struct Replay<'a> {
+    core: Gateway,
+    calls: Calls<'a>,
+    /// The half behind the one that is played.
+    next: Option<Half<'a>>,
+    scratch: &'a mut [u8],
+}
+
+/// A call that was made again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step<'a> {
+    /// When, in the gateway's own time.
+    pub at: Instant,
+    /// The call.
+    pub call: Call<'a>,
+    /// The frame that it gave for a bus.
+    pub transmit: Option<Transmit>,
+}
+
+/// The core is not in the state that was recorded at the end of the first half.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Diverged {
+    /// When that was recorded, in the gateway's own time.
+    pub at: Instant,
+}
+
+impl fmt::Display for Diverged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "at {} us the core is in another state than was recorded", self.at.as_micros())
+    }
+}
+
+impl core::error::Error for Diverged {}
+
+impl<'a> Replay<'a> {
+    /// The core of the first snapshot. `board`: [that of the recording](Recording::board), which a
+    /// core keeps for ever. `scratch`: room for a snapshot; where it is too small, the state at the
+    /// end of the first half is not compared.
+    ///
+    /// # Errors
+    /// Where no core of this build goes on from the snapshot.
+    pub fn new(
+        board: &'static Board,
+        recording: &Recording<'a>,
+        scratch: &'a mut [u8],
+    ) -> Result<Self, ResumeError> {
+        let mut halves = recording.halves.iter().copied();
+        let first = halves.next().ok_or(ResumeError::Unreadable)?;
+        let core = Gateway::resume(board, first.snapshot)?;
+        Ok(Self { core, calls: first.calls(), next: halves.next(), scratch })
+    }
+
+    /// The core, as it is after the last step.
+    pub fn core(&self) -> &Gateway {
+        &self.core
+    }
+
+    /// Makes the next call; `None` after the last.
+    ///
+    /// # Errors
+    /// See [`Diverged`].
+    pub fn step(&mut self) -> Option<Result<Step<'a>, Diverged>> {
+        loop {
+            if let Some((at, call)) = self.calls.next() {
+                let transmit = call.make(&mut self.core, at);
+                return Some(Ok(Step { at, call, transmit }));
+            }
+            let half = self.next.take()?;
+            self.calls = half.calls();
+            let here = self.core.snapshot(self.scratch);
+            if here.is_some_and(|here| here != half.snapshot) {
+                return Some(Err(Diverged { at: half.since }));
+            }
+        }
+    }
+}

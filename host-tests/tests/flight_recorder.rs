@@ -1,0 +1,152 @@
+//! What a flight recorder keeps of a trip is enough to do it all again: every scenario is played, and
+//! then again from what was recorded of it.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use flight_recorder::{Recording, Unreadable, recorded_trip};
+use host_protocol::TripReason;
+use host_tests::scenario;
+use mgw_cli::flight::{Replayed, play};
+
+/// The reasons that scenarios reach; not those of a start (`Reset`), which no armed axis has, of the
+/// core's own mistakes (`Internal`), and of another axis's trip (`Group`), which is kept instead.
+const REASONS: [&str; 13] = [
+    "BusOff",
+    "CommandRefused",
+    "EStop",
+    "HostSilent",
+    "LimitExceeded",
+    "MotorFault",
+    "MotorRestarted",
+    "MotorSilent",
+    "NotAcknowledged",
+    "NotDelivered",
+    "SetpointExpired",
+    "StopUnconfirmed",
+    "Uncommanded",
+];
+
+/// Where the halves of a memory begin, and where each says how many bytes of calls it has.
+const HALVES_AT: usize = 128;
+const CALLS_AT: usize = 20;
+
+fn text(name: &str) -> String {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenarios/{name}.txt"));
+    std::fs::read_to_string(file).unwrap()
+}
+
+fn scenarios() -> Vec<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+    let texts = files.filter(|file| file.extension().is_some_and(|extension| extension == "txt"));
+    texts.map(|file| file.file_stem().unwrap().to_string_lossy().into_owned()).collect()
+}
+
+/// `SetpointExpired`, without what it carries.
+fn reason(reason: &TripReason) -> String {
+    let text = format!("{reason:?}");
+    text.split(|letter: char| !letter.is_alphanumeric()).next().unwrap().to_owned()
+}
+
+fn again(memory: &[u8]) -> Replayed {
+    play(&Recording::read(memory).unwrap(), |_, _| {}).unwrap()
+}
+
+/// What led to the trip of a motor that does not tell its faults: one half, with room in it.
+fn short() -> Vec<u8> {
+    let name = "a_motor_that_answers_all_but_its_fault_word_trips";
+    scenario::flight_recorder(&text(name), 1).unwrap()
+}
+
+/// The memory, with half of the calls of its first half gone.
+fn cut(memory: &[u8]) -> Vec<u8> {
+    let mut cut = memory.to_vec();
+    let halves = [HALVES_AT, HALVES_AT + (memory.len() - HALVES_AT) / 2];
+    let number = |at: usize| u32::from_le_bytes(memory[at..at + 4].try_into().unwrap());
+    let first = if number(halves[1]) == 1 + number(halves[0]) { 0 } else { 1 };
+    let place = &mut cut[halves[first] + CALLS_AT..][..4];
+    let calls = u32::from_le_bytes((&*place).try_into().unwrap());
+    place.copy_from_slice(&(calls / 2).to_le_bytes());
+    cut
+}
+
+#[test]
+fn every_trip_of_every_scenario_comes_again_at_the_same_microsecond() {
+    let (mut reasons, mut switched) = (BTreeSet::new(), 0);
+    for name in scenarios() {
+        let memory = scenario::flight_recorder(&text(&name), 1).unwrap();
+        let halves = match Recording::read(&memory) {
+            // Nothing was armed.
+            Err(Unreadable::Nothing) => continue,
+            recording => recording.unwrap().halves.len(),
+        };
+        let replayed = again(&memory);
+        assert!(replayed.is_same(), "{name}: {replayed:?}");
+        if halves == 2 {
+            switched += 1;
+            let replayed = again(&cut(&memory));
+            assert!(replayed.diverged_us.is_some(), "{name}, cut: {replayed:?}");
+        }
+        reasons.extend(replayed.recorded.map(|(_, trip)| reason(&trip.reason)));
+    }
+    assert!(switched > 10, "{switched} recordings have two halves, whose states are compared");
+    assert_eq!(reasons, REASONS.map(str::to_owned).into());
+}
+
+#[test]
+fn a_file_has_what_the_memory_has_and_no_more() {
+    let memory = short();
+    let mut file = memory.clone();
+    let length = Recording::trim(&mut file);
+    file.truncate(length);
+    assert!(file.len() < memory.len(), "{length} bytes");
+    assert_eq!(again(&file), again(&memory));
+    file.extend(Recording::checksum(&file));
+    let read = |file: &[u8]| Recording::read_file(file).map(|recording| recording.trip);
+    assert_eq!(read(&file), Ok(recorded_trip(&memory)));
+    assert!(recorded_trip(&memory).is_some());
+
+    // Whatever happens to it: each bit of its head, one of each 97 bytes, its end, more behind it.
+    let places = (0..200).chain((200..file.len()).step_by(97));
+    let flips = places.flat_map(|at| [(at, 0x01), (at, 0x80)]);
+    for (at, bit) in flips {
+        let mut damaged = file.clone();
+        damaged[at] ^= bit;
+        let wanted = if at < 4 { Unreadable::Nothing } else { Unreadable::Damaged };
+        assert_eq!(read(&damaged), Err(wanted), "byte {at}");
+    }
+    for length in (4..file.len()).step_by(997) {
+        assert_eq!(read(&file[..length]), Err(Unreadable::Damaged), "{length} bytes");
+    }
+    assert_eq!(read(&[&file[..], &[0]].concat()), Err(Unreadable::Damaged));
+}
+
+#[test]
+fn what_was_changed_is_not_taken_for_the_same() {
+    let memory = short();
+    assert!(again(&memory).is_same());
+    let mut without_calls = memory.clone();
+    without_calls[HALVES_AT + CALLS_AT..][..4].fill(0);
+    let replayed = again(&without_calls);
+    assert!(!replayed.is_same() && replayed.played.is_none(), "{replayed:?}");
+
+    // A snapshot has a checksum.
+    let mut damaged = memory;
+    damaged[2_000] ^= 1;
+    assert_eq!(Recording::read(&damaged).err(), Some(Unreadable::Damaged));
+    for nothing in [&[0; 4_096][..], &[]] {
+        assert_eq!(Recording::read(nothing).err(), Some(Unreadable::Nothing));
+    }
+    // So has the trip.
+    let mut damaged = short();
+    damaged[10] ^= 1;
+    assert_eq!(Recording::read(&damaged).err(), Some(Unreadable::Damaged));
+    // A time that cannot be ends the calls.
+    let whole = again(&short());
+    let mut late = short();
+    let calls = late.len() / 4;
+    late[calls..calls + 10]
+        .copy_from_slice(&[0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 1]);
+    assert!(again(&late).span_us.1 <= whole.span_us.1);
+}
