@@ -1,5 +1,5 @@
-//! Chooses the memory regions of the board, passes the linker scripts, builds the board's loader and
-//! names the build.
+//! Chooses the memory regions of the board, passes the linker scripts, builds the board's loader
+//! and names the build.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -91,9 +91,9 @@ fn out() -> String {
     env::var("OUT_DIR").expect("cargo sets OUT_DIR")
 }
 
-/// Copies the regions of the board to `board.x` in the output folder, where the linker finds it: the
-/// root `memory.x` only includes it, as the linker would take a `memory.x` of the working directory
-/// before any other.
+/// Copies the regions of the board to `board.x` in the output folder, where the linker finds it:
+/// the root `memory.x` only includes it, as the linker would take a `memory.x` of the working
+/// directory before any other.
 fn choose_memory_regions(board: &Board) {
     let out = out();
     let copy = |from: &str, name: &str| {

@@ -1,6 +1,6 @@
 //! A CAN bus between the core and its controller: starts the controller as the core wants it,
-//! hands frames over and tells of events. It waits for nothing: the task that has given the core an event
-//! hands over what follows from it.
+//! hands frames over and tells of events. It waits for nothing: the task that has given the core an
+//! event hands over what follows from it.
 
 use gateway::{BusSetup, Event, Gateway, Instant, Outgoing, Transmit};
 use host_protocol::BusState;

@@ -275,8 +275,8 @@ impl Receiver {
 
     /// Waits for bytes, until those that have come want to be read, and takes as much as fits;
     /// nothing where there was only an error. Bears being dropped. What wakes is an event of the
-    /// line, or that DMA has filled half of the ring. When its task is woken by another one's event,
-    /// it looks too: what has come decides what may go.
+    /// line, or that DMA has filled half of the ring. When its task is woken by another one's
+    /// event, it looks too: what has come decides what may go.
     pub fn read(
         &mut self,
         bytes: &mut [u8],

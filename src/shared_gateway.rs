@@ -1,8 +1,8 @@
 //! The core and the CAN buses, shared by the tasks, and the signals that tell each other port to
 //! look at the core again.
 //!
-//! The task that gives the core an event hands over the CAN frames that follow from it before anything
-//! else happens: no task stands between a demand and its stop.
+//! The task that gives the core an event hands over the CAN frames that follow from it before
+//! anything else happens: no task stands between a demand and its stop.
 
 use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
@@ -179,8 +179,8 @@ impl SharedGateway {
         self.started.signal(());
     }
 
-    /// Waits until it has started. Nobody else feeds the watchdog meanwhile: there is so much to read
-    /// and no more.
+    /// Waits until it has started. Nobody else feeds the watchdog meanwhile: there is so much to
+    /// read and no more.
     pub async fn has_started(&self) {
         let feed = async || -> Infallible {
             let mut ticker = Ticker::every(FEED);

@@ -1,12 +1,12 @@
 //! Pages of the flash: those that keep the configuration over a loss of power, and those of another
 //! image.
 //!
-//! The chip takes up to seconds for an operation; meanwhile every other task runs. Each operation has
-//! a deadline, and what was written is read back.
+//! The chip takes up to seconds for an operation; meanwhile every other task runs. Each operation
+//! has a deadline, and what was written is read back.
 //!
-//! A word that a loss of power has torn reads as zeros. None is written twice but with zeros, where it
-//! did not take what was written: some chips allow that, and on the others the word may stay torn
-//! (RM0440, PROGERR; RM0433, "overwriting"). It reads as zeros either way.
+//! A word that a loss of power has torn reads as zeros. None is written twice but with zeros, where
+//! it did not take what was written: some chips allow that, and on the others the word may stay
+//! torn (RM0440, PROGERR; RM0433, "overwriting"). It reads as zeros either way.
 
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};

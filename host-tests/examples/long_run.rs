@@ -1,5 +1,5 @@
-//! A gateway at full load in virtual time, for so many hours of it or minutes of real time, whatever
-//! is over first.
+//! A gateway at full load in virtual time, for so many hours of it or minutes of real time,
+//! whatever is over first.
 //!
 //! ```sh
 //! cargo run --release -p host-tests --example long_run -- 24 10

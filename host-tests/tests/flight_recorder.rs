@@ -1,5 +1,5 @@
-//! What a flight recorder keeps of a trip is enough to do it all again: every scenario is played, and
-//! then again from what was recorded of it.
+//! What a flight recorder keeps of a trip is enough to do it all again: every scenario is played,
+//! and then again from what was recorded of it.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,8 +9,9 @@ use host_protocol::TripReason;
 use host_tests::scenario;
 use mgw_cli::flight::{Replayed, play};
 
-/// The reasons that scenarios reach; not those of a start (`Reset`), which no armed axis has, of the
-/// core's own mistakes (`Internal`), and of another axis's trip (`Group`), which is kept instead.
+/// The reasons that scenarios reach; not those of a start (`Reset`), which no armed axis has, of
+/// the core's own mistakes (`Internal`), and of another axis's trip (`Group`), which is kept
+/// instead.
 const REASONS: [&str; 13] = [
     "BusOff",
     "CommandRefused",

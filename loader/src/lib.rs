@@ -1,8 +1,8 @@
 //! What starts first on a board: it exchanges images where an update waits, goes back where the new
 //! one was not confirmed, and says whether there is an image to start.
 //!
-//! The exchange is `embassy-boot`'s: a page at a time, and after each a word that counts, so that it
-//! goes on where a loss of power has cut it.
+//! The exchange is `embassy-boot`'s: a page at a time, and after each a word that counts, so that
+//! it goes on where a loss of power has cut it.
 #![no_std]
 #![forbid(unsafe_code)]
 

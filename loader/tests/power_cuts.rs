@@ -1,5 +1,5 @@
-//! The exchange of images in a flash whose power fails at any operation, as the virtual board's flash
-//! does, or which fails.
+//! The exchange of images in a flash whose power fails at any operation, as the virtual board's
+//! flash does, or which fails.
 
 use std::cell::RefCell;
 
@@ -14,8 +14,9 @@ const WORD: usize = 32;
 const PAGE: usize = 3 * WORD;
 const PAGES: usize = 4;
 const IMAGE: usize = PAGES * PAGE;
-/// What to do, whether the progress counts, the progress there and back, and one word more: with only
-/// as many as embassy-boot asks for, it takes progress that does not count for one page less than all.
+/// What to do, whether the progress counts, the progress there and back, and one word more: with
+/// only as many as embassy-boot asks for, it takes progress that does not count for one page less
+/// than all.
 const STATE: usize = (2 + 4 * PAGES + 1) * WORD;
 /// Where the partitions begin.
 const UPDATE: usize = IMAGE;

@@ -29,8 +29,8 @@ const IDLE: u8 = 0;
 const UNDER_WAY: u8 = 1;
 const TORN: u8 = 2;
 
-/// Whether the option DBANK divides the flash. Without it the pages are others, and the program runs
-/// from the one bank.
+/// Whether the option DBANK divides the flash. Without it the pages are others, and the program
+/// runs from the one bank.
 pub fn has_two_banks() -> bool {
     FLASH.optr().read().dbank()
 }

@@ -43,8 +43,8 @@ fn unlock(bank: Bank) {
     }
 }
 
-/// Begins to erase the sector at an address. With the widest parallelism, as after reset: the boards
-/// supply 3.3 V.
+/// Begins to erase the sector at an address. With the widest parallelism, as after reset: the
+/// boards supply 3.3 V.
 #[expect(clippy::cast_possible_truncation, reason = "eight sectors")]
 pub fn begin_erase(address: u32) {
     let bank = bank(address);
@@ -92,11 +92,12 @@ pub fn end(address: u32) {
     });
 }
 
-/// Reads the word at an address. One that has two wrong bits, as a loss of power leaves it, is a bus
-/// fault on this chip, and reads as zeros here.
+/// Reads the word at an address. One that has two wrong bits, as a loss of power leaves it, is a
+/// bus fault on this chip, and reads as zeros here.
 pub fn read(address: u32, word: &mut [u8; WORD]) {
-    // Safety: aligned words of the flash, read where nothing can interrupt: so no other load's fault
-    // is ignored. The masks are as before in the end, as no interrupt handler reads these pages.
+    // Safety: aligned words of the flash, read where nothing can interrupt: so no other load's
+    // fault is ignored. The masks are as before in the end, as no interrupt handler reads these
+    // pages.
     let status = unsafe {
         asm!("cpsid f");
         (*SCB::PTR).ccr.modify(|bits| bits | IGNORE_FAULTS);

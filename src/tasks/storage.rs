@@ -11,8 +11,8 @@ use crate::shared_gateway::SharedGateway;
 use crate::storage::Pages;
 use crate::watchdog;
 
-/// For ever, unless there is nowhere to store anything. Where a reset has left the running configuration, its axes are stopped before anything
-/// is read.
+/// For ever, unless there is nowhere to store anything. Where a reset has left the running
+/// configuration, its axes are stopped before anything is read.
 #[embassy_executor::task]
 pub async fn storage(gateway: &'static SharedGateway) {
     let store = Pages::of_configuration().and_then(|pages| {

@@ -2,7 +2,8 @@
 //! knows the request to detach.
 //!
 //! The device then leaves the bus by itself and comes back as the chip's ROM bootloader, another
-//! device, which the update tool waits for. The host that loads the new firmware starts it from there.
+//! device, which the update tool waits for. The host that loads the new firmware starts it from
+//! there.
 
 use embassy_time::Duration;
 use embassy_usb::control::{InResponse, OutResponse, Recipient, Request, RequestType};

@@ -4,8 +4,8 @@
 /// Bits without a name stay as received.
 ///
 /// - `sent` behind the word's type: requests carry it; its range is that of the named bits.
-/// - `FAULTS of FaultInfo by info;` makes a table: each bit has a row, made by the constant function
-///   `info` from the bit, its name and the columns that stand behind the bit.
+/// - `FAULTS of FaultInfo by info;` makes a table: each bit has a row, made by the constant
+///   function `info` from the bit, its name and the columns that stand behind the bit.
 #[macro_export]
 macro_rules! flags {
     (

@@ -1,10 +1,10 @@
 //! The configuration of the gateway in a NOR flash: the old one or the new one, whenever the power
 //! fails.
 //!
-//! There are two areas. A save erases the one that does not count, writes the rows there and, last of
-//! all, a head with a number that is higher by one: the area with the highest number counts. So
-//! whatever a cut leaves of an erasure or of a word lies in the area that does not count. Each word is
-//! written once after it was erased: chips with an error-correcting code allow no other.
+//! There are two areas. A save erases the one that does not count, writes the rows there and, last
+//! of all, a head with a number that is higher by one: the area with the highest number counts. So
+//! whatever a cut leaves of an erasure or of a word lies in the area that does not count. Each word
+//! is written once after it was erased: chips with an error-correcting code allow no other.
 //!
 //! | An area | |
 //! |---|---|

@@ -93,7 +93,8 @@ codec::commands! {
 
     also request {
         (
-            /// A command that has no variant here: length, command, address, low and high byte as they are.
+            /// A command that has no variant here: length, command, address, low and high byte as
+            /// they are.
             Unknown { raw: Payload = 0 as "data" }
         ) code raw.command(), info None, effect Effect::Changes;
     }
@@ -112,7 +113,8 @@ codec::commands! {
             } via ErrorFields
         ) code *command, info COMMANDS.iter().find(|info| info.code == u16::from(*command));
         (
-            /// A reply that has no variant here: length, command, address, low and high byte as they are.
+            /// A reply that has no variant here: length, command, address, low and high byte as
+            /// they are.
             Unknown { raw: Payload = 0 as "data" }
         ) code raw.command(), info None;
     }

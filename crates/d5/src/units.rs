@@ -1,7 +1,8 @@
 //! The manual's own raw units.
 
 codec::units! {
-    /// Speed, 1 °/s per count; positive is counter-clockwise (D5 manual, common commands, rows 2 and 3).
+    /// Speed, 1 °/s per count; positive is counter-clockwise (D5 manual, common commands, rows 2
+    /// and 3).
     DegreesPerSecond(i16): "dps" / 1.0;
     /// Angle, 1° per count (D5 manual, common commands, row 5).
     Degrees(i16): "deg" / 1.0;

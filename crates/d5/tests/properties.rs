@@ -68,7 +68,8 @@ fn frames_of(mut line: &[u8]) -> Vec<[u8; FRAME_LEN]> {
 }
 
 proptest! {
-    /// What is built is built again from what it shows. A value may lie outside the register's range.
+    /// What is built is built again from what it shows. A value may lie outside the register's
+    /// range.
     #[test]
     fn built_requests_survive(info in select(COMMANDS), row in select(REGISTERS.to_vec()), pick in any::<u16>()) {
         let (min, max) = row.value_range();

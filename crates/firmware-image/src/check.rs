@@ -8,8 +8,8 @@ use crate::{CHECKSUM, FirmwareVersion, UNIT};
 /// Why an image is not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wrong {
-    /// It is not what was announced, or not what its header says: its checksum, its length, its board or
-    /// its version differ.
+    /// It is not what was announced, or not what its header says: its checksum, its length, its
+    /// board or its version differ.
     Damaged,
     /// It is to be signed, and is not: with the key of the running one, or where that has none with
     /// its own.
@@ -82,8 +82,8 @@ impl Check {
     }
 }
 
-/// Whether it is the key's signature of the digest. Apart, so that its kilobyte of stack is taken only
-/// while it works.
+/// Whether it is the key's signature of the digest. Apart, so that its kilobyte of stack is taken
+/// only while it works.
 #[inline(never)]
 fn is_signed(key: &[u8; KEY_SIZE], digest: &[u8], signature: &[u8]) -> bool {
     let Ok(signature) = <&[u8; 64]>::try_from(signature) else { return false };

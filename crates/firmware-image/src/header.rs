@@ -139,7 +139,8 @@ impl Header {
     }
 }
 
-/// The version that a text begins with: `1.2.3`, as a package has it. What is no number counts as 0.
+/// The version that a text begins with: `1.2.3`, as a package has it. What is no number counts as
+/// 0.
 #[must_use]
 pub const fn version(text: &str) -> FirmwareVersion {
     let (mut numbers, mut number, mut rest) = ([0u16; 3], 0, text.as_bytes());

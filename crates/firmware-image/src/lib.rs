@@ -1,9 +1,9 @@
 //! What an image of the firmware says of itself, and whether one is whole and signed: for the board
 //! that takes it and the computer that sends it.
 //!
-//! An image is what lies in the flash from its vector table on, in whole units of [`UNIT`] bytes. Its
-//! [`Header`] lies at [`HEADER_OFFSET`]. A signature is an Ed25519 signature (RFC 8032) of the SHA-512
-//! digest of the image, beside it.
+//! An image is what lies in the flash from its vector table on, in whole units of [`UNIT`] bytes.
+//! Its [`Header`] lies at [`HEADER_OFFSET`]. A signature is an Ed25519 signature (RFC 8032) of the
+//! SHA-512 digest of the image, beside it.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -1,7 +1,7 @@
 //! The header's bytes, and images that are whole, damaged, signed and not.
 //!
-//! The bytes were put together by a program in Python that shares no code with ours; the signature is
-//! that of OpenSSL 3.0 (`openssl dgst -sha512 -binary`, `openssl pkeyutl -sign -rawin`).
+//! The bytes were put together by a program in Python that shares no code with ours; the signature
+//! is that of OpenSSL 3.0 (`openssl dgst -sha512 -binary`, `openssl pkeyutl -sign -rawin`).
 
 use firmware_image::{
     CHECKSUM, Check, FirmwareVersion, HEADER_OFFSET, Header, HeaderError, NO_KEY, Wrong, version,

@@ -10,8 +10,8 @@ use serde_big_array::BigArray;
 /// What the host has set for one axis. Unset parameters have the defaults of the parameter table.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct AxisConfig {
-    /// The values as bits, each in as many bytes as it needs; the parameter table says which kind it
-    /// is.
+    /// The values as bits, each in as many bytes as it needs; the parameter table says which kind
+    /// it is.
     #[serde(with = "BigArray")]
     values: [u8; VALUE_BYTES],
     /// Which of them are set: a bit for each, by its place in the table.

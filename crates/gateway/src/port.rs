@@ -154,8 +154,9 @@ pub struct Changes {
 /// What is to be stored.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Save {
-    /// The stored configuration, whole or not at all: it becomes the rows that [`Gateway::stored_row`](crate::Gateway::stored_row) gives, and this
-    /// number with them, by which the core knows them again.
+    /// The stored configuration, whole or not at all: it becomes the rows that
+    /// [`Gateway::stored_row`](crate::Gateway::stored_row) gives, and this number with them, by
+    /// which the core knows them again.
     Rows {
         /// That number.
         digest: u32,

@@ -10,8 +10,8 @@ impl Gateway {
     /// Left out is what only requests that are sent again, readers of the log and the numbers of
     /// events depend on: the results of requests that have theirs, the log, and how many
     /// requests and events there were. Left out as well are the axes from `axes` on, bytes of a
-    /// host message that is not complete, and what waits for a host: a caller that compares states uses
-    /// no more axes, sends whole messages, and reads what there is to read.
+    /// host message that is not complete, and what waits for a host: a caller that compares states
+    /// uses no more axes, sends whole messages, and reads what there is to read.
     ///
     /// # Errors
     /// Those of the writer.

@@ -36,8 +36,8 @@ wire! {
         Name {
             /// Whose it is: the gateway, or a bus or an axis that is configured.
             of: Subject,
-            /// One that [`is_name`](crate::is_name) allows, and that no other bus, or no other axis,
-            /// has; nothing: it has none.
+            /// One that [`is_name`](crate::is_name) allows, and that no other bus, or no other
+            /// axis, has; nothing: it has none.
             name: Option<Text<MAX_NAME>>,
         },
     }
@@ -62,8 +62,8 @@ wire! {
             /// The version of that layout.
             layout: u8,
         },
-        /// This firmware, or this board, refuses it as it would refuse it from a host, so nothing of
-        /// it runs.
+        /// This firmware, or this board, refuses it as it would refuse it from a host, so nothing
+        /// of it runs.
         Refused {
             /// Number of the error.
             error: u16,

@@ -11,8 +11,8 @@ use crate::frame::{CHECKSUM, CHECKSUM_SIZE, COBS_BLOCK, DELIMITER, HEADER_SIZE, 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncodeError {
-    /// More than [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes, which no message of the table has, or more than `out`
-    /// holds.
+    /// More than [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes, which no message of the table has, or
+    /// more than `out` holds.
     TooLong,
     /// The body cannot be serialised by postcard, which no message of the table meets.
     Body,

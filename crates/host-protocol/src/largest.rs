@@ -1,4 +1,5 @@
-//! The bounds of the sizes are reached by the largest values: none of them lies too low or too high.
+//! The bounds of the sizes are reached by the largest values: none of them lies too low or too
+//! high.
 
 extern crate std;
 use std::vec::Vec as StdVec;

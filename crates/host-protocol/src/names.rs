@@ -30,8 +30,8 @@ wire! {
 }
 
 /// Whether a text can be a name: 1 to [`MAX_NAME`] letters, digits, `-` and `_` of ASCII, a letter
-/// first, so that it is no number and no address; and none of the words that stand where a name can:
-/// `all` and `gateway`.
+/// first, so that it is no number and no address; and none of the words that stand where a name
+/// can: `all` and `gateway`.
 #[must_use]
 pub fn is_name(text: &str) -> bool {
     let allowed = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_';

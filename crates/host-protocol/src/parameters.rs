@@ -348,8 +348,8 @@ parameters! {
     /// 3 v3_9 (to 4.1), 4 v4_2, 5 v4_3, 6 v4_4. Native commands and impedance follow it; unknown
     /// has what all versions have in common.
     46 RmdDialect "rmd_dialect": Unsigned("") [0, 6] 1;
-    /// RMD of v4_3 and v4_4: with every velocity and position setpoint the motor is told to keep its
-    /// torque below this part of its rated current. Above its stall current nothing is capped.
+    /// RMD of v4_3 and v4_4: with every velocity and position setpoint the motor is told to keep
+    /// its torque below this part of its rated current. Above its stall current nothing is capped.
     47 TorqueCap "torque_cap_percent": Unsigned("%") [1, 255] optional;
 }
 

@@ -110,8 +110,8 @@ wire! {
         pub parameter: u16,
     }
 
-    /// Stores the running configuration, so that it runs again after a loss of power. Only while all
-    /// axes are at rest; answered when it is stored, or is not.
+    /// Stores the running configuration, so that it runs again after a loss of power. Only while
+    /// all axes are at rest; answered when it is stored, or is not.
     #[derive(Copy, Eq)]
     pub struct SaveConfiguration {}
 

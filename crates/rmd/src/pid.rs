@@ -3,7 +3,8 @@
 use crate::payload::Payload;
 
 codec::fields! {
-    /// Gains of 0x30, 0x31 and 0x32, each in 1/256 of a maximum that depends on the motor model (RMD V3.6 §2.1).
+    /// Gains of 0x30, 0x31 and 0x32, each in 1/256 of a maximum that depends on the motor model
+    /// (RMD V3.6 §2.1).
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
     #[cfg_attr(feature = "defmt", derive(defmt::Format))]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -93,8 +93,8 @@ impl Recognised {
         }
     }
 
-    /// Whether the answers leave it possible that the motor speaks this dialect. Unknown contradicts
-    /// nothing.
+    /// Whether the answers leave it possible that the motor speaks this dialect. Unknown
+    /// contradicts nothing.
     pub const fn allows(self, dialect: Dialect) -> bool {
         match (self, dialect) {
             (_, Dialect::Unknown) => true,

@@ -7,11 +7,14 @@ codec::units! {
     CentidegreesPerSecond(i32): "dps" / 100.0;
     /// Measured output-shaft speed, 1 degree per second per count (RMD V3.6 §2.13.3).
     DegreesPerSecond(i16): "dps" / 1.0;
-    /// Highest output-shaft speed of a position move, 1 degree per second per count (RMD V3.6 §2.20.1).
+    /// Highest output-shaft speed of a position move, 1 degree per second per count (RMD V3.6
+    /// §2.20.1).
     ///
-    /// The manual does not say what 0 means; newer ones say "unlimited", so whoever commands motion must not send it.
+    /// The manual does not say what 0 means; newer ones say "unlimited", so whoever commands motion
+    /// must not send it.
     SpeedLimit(u16): "dps" / 1.0;
-    /// Multi-turn output-shaft angle from the zero point, 0.01 degree per count (RMD V3.6 §2.11.3, §2.20.1).
+    /// Multi-turn output-shaft angle from the zero point, 0.01 degree per count (RMD V3.6 §2.11.3,
+    /// §2.20.1).
     Centidegrees(i32): "deg" / 100.0;
     /// Output-shaft angle in motion replies, 1 degree per count, ±32767 (RMD V3.6 §2.13.3).
     ///
@@ -23,10 +26,11 @@ codec::units! {
     Decivolts(u16): "V" / 10.0;
     /// Time, 1 ms per count (RMD V3.6 §2.30.1).
     Milliseconds(u32): "ms";
-    /// Highest output-shaft speed of a tracking move, 0.01 degree per second per count, on the wire half the width of
-    /// [`CentidegreesPerSecond`] (RMD V3.6 §2.21.1).
+    /// Highest output-shaft speed of a tracking move, 0.01 degree per second per count, on the wire
+    /// half the width of [`CentidegreesPerSecond`] (RMD V3.6 §2.21.1).
     FineSpeedLimit(u16): "dps" / 100.0;
-    /// Acceleration or deceleration of the output shaft, 1 degree per second squared per count (RMD V3.6 §2.4.3).
+    /// Acceleration or deceleration of the output shaft, 1 degree per second squared per count (RMD
+    /// V3.6 §2.4.3).
     DegreesPerSecondSquared(u32): "dps/s" / 1.0;
     /// Position of the multi-turn encoder, in its pulses (RMD V3.6 §2.6.3).
     EncoderPulses(i32): "pulses";
@@ -40,7 +44,8 @@ codec::units! {
     SingleTurn(u16): "deg" / 100.0;
     /// Counts of the single-turn encoder (V3.7 0x90).
     EncoderCounts(u16): "";
-    /// Highest torque that the motor itself allows, 1 % of its rated current per count (V4.3 0xA2, 0xA9).
+    /// Highest torque that the motor itself allows, 1 % of its rated current per count (V4.3 0xA2,
+    /// 0xA9).
     ///
     /// Above its stall current nothing is capped, nor by 0 in 0xA2.
     TorqueCap(u8): "%";

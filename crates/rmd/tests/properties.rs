@@ -122,8 +122,8 @@ fn data() -> impl Strategy<Value = [u8; 8]> {
 }
 
 proptest! {
-    /// What is built shows the fields of its row, and is built from them again. Motion mode is left out: its words are
-    /// read by other divisors than written (RMD V3.6 §5.4).
+    /// What is built shows the fields of its row, and is built from them again. Motion mode is left
+    /// out: its words are read by other divisors than written (RMD V3.6 §5.4).
     #[test]
     fn built_requests_survive(info in select(COMMANDS), picks in any::<[u16; 5]>()) {
         let node = Node::new(1).expect("1..=32");
@@ -159,8 +159,8 @@ proptest! {
         }
     }
 
-    /// Decoded and encoded again, every bit with a meaning is still there; only values out of range are not encoded.
-    /// `Unknown` does not get around these checks.
+    /// Decoded and encoded again, every bit with a meaning is still there; only values out of range
+    /// are not encoded. `Unknown` does not get around these checks.
     #[test]
     fn meaning_survives(data in data()) {
         let request = Request::decode(&data);

@@ -120,8 +120,8 @@ fn what_stays_until_a_restart() {
     assert_eq!(Faults::from_bits_retain(0x8000).level(), None);
 }
 
-/// RMD V3.6 §2.31.1; V3.8, V3.9 and V4.4 0xB4: the codes of CAN are swapped, so that a motor would be
-/// gone after the next power-on.
+/// RMD V3.6 §2.31.1; V3.8, V3.9 and V4.4 0xB4: the codes of CAN are swapped, so that a motor would
+/// be gone after the next power-on.
 #[test]
 fn rates_of_both_buses() {
     let of = |dialect, rate: fn(BaudCode, Dialect) -> Option<u32>| {

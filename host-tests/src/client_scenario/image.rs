@@ -12,8 +12,8 @@ use mgw_sim::{BOARD, World};
 pub struct ImageFile(String);
 
 impl ImageFile {
-    /// A firmware of this version for the simulated board, which starts anew with room for it, as after
-    /// a loss of power.
+    /// A firmware of this version for the simulated board, which starts anew with room for it, as
+    /// after a loss of power.
     pub fn new(world: &RefCell<World>, number: &str) -> Result<Self, String> {
         static FILES: AtomicUsize = AtomicUsize::new(0);
         let file = FILES.fetch_add(1, Ordering::Relaxed);

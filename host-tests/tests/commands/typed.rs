@@ -23,9 +23,9 @@ const POLLED: Duration = Duration::from_secs(2);
 const POLLS: &str = "polls";
 
 /// Requests that send a motor nothing, or what another request sends too: `Disarm`, `EStop` and
-/// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether` arms
-/// as `Arm` does, `Recognise` asks what `Arm` asks, and `Cycle` and `RunCycle` move as `Setpoint` does. What `Native` and raw frames
-/// send is not typed.
+/// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether`
+/// arms as `Arm` does, `Recognise` asks what `Arm` asks, and `Cycle` and `RunCycle` move as
+/// `Setpoint` does. What `Native` and raw frames send is not typed.
 pub const NOT_TRIED: [&str; 43] = [
     "SaveConfiguration",
     "ForgetStored",

@@ -21,8 +21,8 @@ use mgw_sim::{SimTransport, Wiring, World};
 
 const CONFIGURATION: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/../host/cli/examples/four-motors.toml");
-/// Axes of that configuration that turn at any velocity: RMD, D5, and RMD on RS485. A thruster has a
-/// lowest.
+/// Axes of that configuration that turn at any velocity: RMD, D5, and RMD on RS485. A thruster has
+/// a lowest.
 const RMD: u8 = 0;
 const AXES: [u8; 3] = [RMD, 2, 3];
 const LASTS: Duration = Duration::from_millis(500);

@@ -1,8 +1,8 @@
-//! Cable or supply cut at the frames of what changes where a motor is found, and of a restore: a scan
-//! finds the motor afterwards, under one id, and what was told as done is so. At every frame that
-//! changes something and around it, and at some of those that only look; with `MGW_EVERY_FRAME` set,
-//! at every one (`MGW_EVERY_FRAME=1 cargo test --release -p host-tests --test motor cuts`, results in
-//! cuts.txt).
+//! Cable or supply cut at the frames of what changes where a motor is found, and of a restore: a
+//! scan finds the motor afterwards, under one id, and what was told as done is so. At every frame
+//! that changes something and around it, and at some of those that only look; with
+//! `MGW_EVERY_FRAME` set, at every one (`MGW_EVERY_FRAME=1 cargo test --release -p host-tests
+//! --test motor cuts`, results in cuts.txt).
 
 use host_protocol::Protocol::{self, D5, Rmd, Thruster};
 

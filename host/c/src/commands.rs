@@ -46,7 +46,8 @@ pub unsafe extern "C" fn mgw_disarm(gateway: *mut mgw_gateway, axis: u8) -> mgw_
     unsafe { with(gateway, |client| Ok(client.disarm(axis)?)) }
 }
 
-/// Gives one armed axis a setpoint that lives `ttl_us` µs: without another the gateway stops it then.
+/// Gives one armed axis a setpoint that lives `ttl_us` µs: without another the gateway stops it
+/// then.
 ///
 /// # Safety
 /// `gateway` is an open handle that no other thread uses; `setpoint` is one.
@@ -69,10 +70,10 @@ pub unsafe extern "C" fn mgw_set(
     }
 }
 
-/// Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and waits
-/// until every motor has answered or its own time is over. Where `states` is not null, the state of
-/// each is written there, in the order of the setpoints; `count` of them must fit. Call it again before
-/// the setpoints expire.
+/// Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and
+/// waits until every motor has answered or its own time is over. Where `states` is not null, the
+/// state of each is written there, in the order of the setpoints; `count` of them must fit. Call it
+/// again before the setpoints expire.
 ///
 /// # Safety
 /// `gateway` is an open handle that no other thread uses; `setpoints` is the first of `count`;

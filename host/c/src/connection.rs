@@ -12,9 +12,9 @@ pub struct mgw_gateway {
     pub(crate) client: Client<Box<dyn Transport + Send>>,
 }
 
-/// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is a
-/// serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null: the running `mgw serve` of this
-/// user.
+/// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is
+/// a serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null: the running `mgw serve` of
+/// this user.
 ///
 /// # Safety
 /// `port` is null or a text with a zero behind it; `gateway` is a place for a pointer.
@@ -47,7 +47,8 @@ pub unsafe extern "C" fn mgw_connect(
 /// null does nothing.
 ///
 /// # Safety
-/// `gateway` is null or a handle of `mgw_connect` that was not closed and that no other thread uses.
+/// `gateway` is null or a handle of `mgw_connect` that was not closed and that no other thread
+/// uses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
     if gateway.is_null() {
@@ -61,8 +62,8 @@ pub unsafe extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
     ended(stopped)
 }
 
-/// Keeps the right to command while nothing else is asked: the gateway takes it away, and trips what
-/// is armed, when it has not heard this host for 200 ms unless configured otherwise.
+/// Keeps the right to command while nothing else is asked: the gateway takes it away, and trips
+/// what is armed, when it has not heard this host for 200 ms unless configured otherwise.
 ///
 /// # Safety
 /// `gateway` is an open handle that no other thread uses.

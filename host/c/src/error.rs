@@ -11,7 +11,8 @@ use mgw_client::ClientError;
 pub enum mgw_result {
     /// It is done.
     Ok = 0,
-    /// The gateway refused it, or could not do it: `mgw_error_number` has the number of PROTOCOL.md.
+    /// The gateway refused it, or could not do it: `mgw_error_number` has the number of
+    /// PROTOCOL.md.
     Refused = 1,
     /// No answer came in time. Whether it was done is not known.
     NoAnswer = 2,
@@ -73,15 +74,15 @@ pub(crate) fn ended(result: Result<(), Failure>) -> mgw_result {
     result
 }
 
-/// What was wrong with the last call of this thread that failed, and what to do, as UTF-8. It is valid
-/// until the next call of this thread that fails; empty before the first.
+/// What was wrong with the last call of this thread that failed, and what to do, as UTF-8. It is
+/// valid until the next call of this thread that fails; empty before the first.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_error_text() -> *const c_char {
     LAST.with_borrow(|(_, text)| text.as_ptr())
 }
 
-/// The number of the gateway's error behind the last call of this thread that failed, as PROTOCOL.md
-/// lists them; 0 where it was none.
+/// The number of the gateway's error behind the last call of this thread that failed, as
+/// PROTOCOL.md lists them; 0 where it was none.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_error_number() -> u16 {
     LAST.with_borrow(|(number, _)| *number)

@@ -84,7 +84,8 @@ impl From<Option<EventMessage>> for mgw_event {
 }
 
 /// Waits at most `timeout_us` µs for the next event and writes it to `event`: of kind
-/// `MGW_EVENT_KIND_NONE` where none came. It sends nothing: what is armed needs setpoints meanwhile.
+/// `MGW_EVENT_KIND_NONE` where none came. It sends nothing: what is armed needs setpoints
+/// meanwhile.
 ///
 /// # Safety
 /// `gateway` is an open handle that no other thread uses; `event` is null or a place for one.

@@ -155,8 +155,8 @@ mod tests {
         header.with_length(u32::try_from(length).unwrap())
     }
 
-    /// An ELF file (ELF-32, little-endian, for ARM) that loads these bytes to these addresses of the
-    /// flash, and has a part that is only in memory.
+    /// An ELF file (ELF-32, little-endian, for ARM) that loads these bytes to these addresses of
+    /// the flash, and has a part that is only in memory.
     fn elf(parts: &[(u32, &[u8])]) -> Vec<u8> {
         let mut file = b"\x7fELF\x01\x01\x01".to_vec();
         file.resize(16, 0);

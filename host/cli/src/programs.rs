@@ -188,12 +188,12 @@ pub struct Configured {
 }
 
 /// Makes the text of a configuration file the configuration of a gateway; with `merge` only what it
-/// names changes. `path` is what the text is called in a [`Problem`]; where it has none, its lines say
-/// nothing either.
+/// names changes. `path` is what the text is called in a [`Problem`]; where it has none, its lines
+/// say nothing either.
 ///
 /// # Errors
-/// Everything that is wrong with it, before the gateway hears of it; or the gateway's refusal, after
-/// which nothing has changed but motor timeouts.
+/// Everything that is wrong with it, before the gateway hears of it; or the gateway's refusal,
+/// after which nothing has changed but motor timeouts.
 pub fn configure<T: Transport>(
     client: &mut Client<T>,
     path: Option<&str>,

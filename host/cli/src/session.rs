@@ -94,8 +94,8 @@ impl Session {
         }
     }
 
-    /// The motor that was typed. Where its name is gone, a `mgw motor` that was ended halfway may have
-    /// taken it away.
+    /// The motor that was typed. Where its name is gone, a `mgw motor` that was ended halfway may
+    /// have taken it away.
     pub fn motor(&mut self, typed: &TypedMotor) -> Result<MotorTarget, Failure> {
         let found = self.named_motor(typed);
         let Err(Failure::Usage(text)) = &found else { return found };

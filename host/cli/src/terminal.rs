@@ -93,8 +93,8 @@ pub fn something_is_printed() {
     }
 }
 
-/// Asks on a terminal whether to do something, unless that is said already; without a terminal it is
-/// refused. The link stays alive meanwhile, and an interrupt ends it.
+/// Asks on a terminal whether to do something, unless that is said already; without a terminal it
+/// is refused. The link stays alive meanwhile, and an interrupt ends it.
 pub fn agree(session: &mut Session, yes: bool, what: &str) -> Result<(), Failure> {
     if yes {
         return Ok(());

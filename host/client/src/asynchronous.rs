@@ -28,8 +28,8 @@ type Task = Box<dyn FnOnce(&mut Inner) + Send>;
 /// [`Client`], and [`with`](Self::with) reaches all others. A future that is dropped takes nothing
 /// back: what was asked for is done.
 ///
-/// A request waits for those before it, a stop too. [`interrupt`](Self::interrupt) does not: what is
-/// armed here is then stopped before anything else is written.
+/// A request waits for those before it, a stop too. [`interrupt`](Self::interrupt) does not: what
+/// is armed here is then stopped before anything else is written.
 #[derive(Debug)]
 pub struct AsyncClient {
     tasks: Sender<Task>,

@@ -56,8 +56,8 @@ pub enum ClientError {
         /// Name of the request.
         request: &'static str,
     },
-    /// The gateway was not heard at another rate of the line, or the port cannot run at it. The line
-    /// runs at the default.
+    /// The gateway was not heard at another rate of the line, or the port cannot run at it. The
+    /// line runs at the default.
     BaudFailed {
         /// The rate.
         baud: u32,

@@ -24,8 +24,8 @@ impl<T: Transport> Client<T> {
         self.request(&ask::ReadImage {})
     }
 
-    /// Announces an image of the firmware: its board, version, bytes and their CRC-32C. Nothing runs
-    /// otherwise yet.
+    /// Announces an image of the firmware: its board, version, bytes and their CRC-32C. Nothing
+    /// runs otherwise yet.
     ///
     /// # Errors
     /// As [`request`](Self::request).
@@ -52,8 +52,8 @@ impl<T: Transport> Client<T> {
         self.request_within(&ask::WriteImage { offset, bytes }, WRITE_DEADLINE).map(drop)
     }
 
-    /// Has the image checked, with its signature or none, and run on trial: 100 ms after the answer the
-    /// gateway starts anew. [`reconnect`](Self::reconnect) finds it again.
+    /// Has the image checked, with its signature or none, and run on trial: 100 ms after the answer
+    /// the gateway starts anew. [`reconnect`](Self::reconnect) finds it again.
     ///
     /// # Errors
     /// As [`request`](Self::request).

@@ -13,8 +13,8 @@ use crate::transport::Transport;
 /// Bytes taken from the transport at once.
 const READ_BUFFER: usize = 512;
 
-/// The names of the gateway, its buses and its axes, asked for before anything else, and again until
-/// each part of the list is answered.
+/// The names of the gateway, its buses and its axes, asked for before anything else, and again
+/// until each part of the list is answered.
 ///
 /// # Errors
 /// [`ClientError::NoAnswer`] if not all is told within `patience`, [`ClientError::Gateway`] if the

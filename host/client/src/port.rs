@@ -23,8 +23,8 @@ const SERIAL_WAIT: Duration = Duration::from_millis(100);
 const BAUD_SEPARATOR: char = '@';
 
 /// Opens the port of that name: `tcp:HOST:PORT`, also without `tcp:`, `unix:PATH` of a server, or a
-/// serial device such as `/dev/ttyACM0` or `COM5`, which runs at 921600 baud unless the name ends in
-/// `@` and another rate, which a [`Client`](crate::Client) then asks the gateway for.
+/// serial device such as `/dev/ttyACM0` or `COM5`, which runs at 921600 baud unless the name ends
+/// in `@` and another rate, which a [`Client`](crate::Client) then asks the gateway for.
 ///
 /// # Errors
 /// When the name makes no sense or the port cannot be opened; the error says which and what to do.

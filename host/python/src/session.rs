@@ -444,7 +444,8 @@ impl Session {
         to_python(py, &value)
     }
 
-    /// A command of the motor's manual by name; what moves takes an epoch, and is valid for `ttl_s`.
+    /// A command of the motor's manual by name; what moves takes an epoch, and is valid for
+    /// `ttl_s`.
     fn native<'py>(
         &self,
         py: Python<'py>,

@@ -11,8 +11,8 @@ pub const SERVER: ProgramId = 0;
 /// A frame of the cable.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Seen {
-    /// The program that has asked, [`SERVER`] for what the server asks by itself; none for an event,
-    /// and for an answer that nobody waits for any more.
+    /// The program that has asked, [`SERVER`] for what the server asks by itself; none for an
+    /// event, and for an answer that nobody waits for any more.
     pub program: Option<ProgramId>,
     /// Requests go to the gateway, everything else comes from it.
     pub kind: Kind,

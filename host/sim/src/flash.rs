@@ -14,8 +14,8 @@ use embedded_storage_async::nor_flash::{
 };
 
 const ERASED: u8 = 0xFF;
-/// The bytes of a word that was cut short, of which the error-correcting code can make nothing, as the
-/// firmware reads it: each second one here.
+/// The bytes of a word that was cut short, of which the error-correcting code can make nothing, as
+/// the firmware reads it: each second one here.
 const TORN: u8 = 0;
 
 /// A flash of whole pages of `PAGE` bytes, which are erased together. It is written in words of

@@ -74,8 +74,8 @@ impl ImageSlots {
     }
 }
 
-/// An image without a program: its header with its length, then these bytes, and zeros to the end of a
-/// unit.
+/// An image without a program: its header with its length, then these bytes, and zeros to the end
+/// of a unit.
 pub fn image(header: &Header, rest: &[u8]) -> Vec<u8> {
     let used = HEADER_OFFSET + HEADER_SIZE + rest.len();
     let length = u32::try_from(used.next_multiple_of(firmware_image::UNIT)).expect("it fits");

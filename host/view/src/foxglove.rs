@@ -107,7 +107,8 @@ impl Session {
     }
 }
 
-/// A message of a channel for one subscription. `time_ns`: since 1970, or since the gateway's start.
+/// A message of a channel for one subscription. `time_ns`: since 1970, or since the gateway's
+/// start.
 pub fn data(subscription: u32, time_ns: u64, payload: &[u8]) -> Message {
     let mut bytes = vec![MESSAGE_DATA];
     bytes.extend(subscription.to_le_bytes());

@@ -113,8 +113,8 @@ impl Gate {
     }
 
     /// What every request must pass: its Host is ours. A name that another page has pointed at this
-    /// computer is refused, so addresses are numbers, or localhost. `local`: the end of the connection
-    /// here.
+    /// computer is refused, so addresses are numbers, or localhost. `local`: the end of the
+    /// connection here.
     ///
     /// # Errors
     /// [`Refusal::WrongHost`].

@@ -97,8 +97,8 @@ pub fn serve(listener: &TcpListener, gate: Gate, house: House) {
 struct Strangers(Arc<Mutex<VecDeque<(u64, TcpStream)>>>);
 
 impl Strangers {
-    /// One more. Where there are too many the oldest ends: whoever has the token shows it at once, and
-    /// is let in however many others wait.
+    /// One more. Where there are too many the oldest ends: whoever has the token shows it at once,
+    /// and is let in however many others wait.
     fn enter(&self, number: u64, stream: &TcpStream) -> std::io::Result<Stranger> {
         let stream = stream.try_clone()?;
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);

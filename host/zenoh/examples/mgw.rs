@@ -1,5 +1,5 @@
-//! `mgw` itself, built with the same crates: the tests start its simulator, and compare with what it
-//! prints.
+//! `mgw` itself, built with the same crates: the tests start its simulator, and compare with what
+//! it prints.
 
 use std::process::ExitCode;
 

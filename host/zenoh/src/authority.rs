@@ -6,8 +6,8 @@ use std::time::Duration;
 use crate::command::Lease;
 use crate::refusal::Refusal;
 
-/// How long taking command may last: the gateway's hello and its answers. The peer has no lease yet,
-/// and so cannot say that it is there.
+/// How long taking command may last: the gateway's hello and its answers. The peer has no lease
+/// yet, and so cannot say that it is there.
 const TAKE_WITHIN: Duration = Duration::from_millis(2_500);
 
 /// The peer in command.

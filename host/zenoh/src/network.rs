@@ -10,8 +10,8 @@ use crate::keys::Keys;
 
 /// A peer that cannot be heard for so long is gone, ms: what is cut off is missed by then.
 const GONE_AFTER_MS: u64 = 3_000;
-/// Batches that may wait on their way to each other program, of each priority: what finds no room is
-/// dropped, so that nobody who reads slowly holds up others.
+/// Batches that may wait on their way to each other program, of each priority: what finds no room
+/// is dropped, so that nobody who reads slowly holds up others.
 const BATCHES: u8 = 16;
 /// How long others of a name are asked for.
 const ASK_WITHIN: Duration = Duration::from_secs(1);

@@ -83,7 +83,8 @@ impl Axis {
     }
 
     /// Whether what has just been read still is what the axis tripped for. A position stays where
-    /// it is until a setpoint or a hand moves it, so it bars nothing: the next arming watches it again.
+    /// it is until a setpoint or a hand moves it, so it bars nothing: the next arming watches it
+    /// again.
     pub(super) fn check_limit_cause(
         &self,
         tripped: TripReason,

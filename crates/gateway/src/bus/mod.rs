@@ -332,8 +332,8 @@ impl Bus {
     }
 
     /// Closes the bus for raw frames; those that wait are dropped. One that ran otherwise runs as
-    /// it is configured again. After unsafe access it is started again, so that nothing of it leaves any more, when its motors may already be
-    /// axes.
+    /// it is configured again. After unsafe access it is started again, so that nothing of it
+    /// leaves any more, when its motors may already be axes.
     pub fn close_raw(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         let was_unsafe = self.raw.take().is_some_and(|raw| raw.is_unsafe());
         if let Some(borrowed) = self.borrowed.take() {

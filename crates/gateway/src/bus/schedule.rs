@@ -347,8 +347,8 @@ impl Bus {
     pub(super) fn id_is_free_at(&self, axis: &Axis, axes: &Axes) -> Instant {
         let since = axis.reply_with_our_id_since().filter(|_| self.kind() == BusKind::Can);
         let Some(since) = since else { return Instant::from_micros(0) };
-        // Another motor's reply or objection may have begun when nothing has come for so long, and that
-        // of this one be behind it.
+        // Another motor's reply or objection may have begun when nothing has come for so long, and
+        // that of this one be behind it.
         let objects = axis.transactions.objects();
         let others = self.which(Is::OwedOurId, axes).without(Set::of(axis.index));
         let behind =

@@ -16,8 +16,8 @@ use host_protocol::{BusKind, CanId, RawFrame, TripReason};
 /// G3).
 const ACKNOWLEDGE_WITHIN: Duration = Duration::from_millis(20);
 const ACKNOWLEDGE_FRAMES: u64 = 4;
-/// A controller that has neither transmitted nor cancelled a frame within this and four frame times is
-/// started again.
+/// A controller that has neither transmitted nor cancelled a frame within this and four frame times
+/// is started again.
 const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
 /// A frame that waited in vain for a reply with its own id, and has not left after so many frame
 /// times, has met that reply.

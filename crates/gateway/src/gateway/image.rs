@@ -1,5 +1,5 @@
-//! Images of the firmware: the one that a host sends, the one that runs on trial, and the start that
-//! follows. Whoever runs the core keeps their bytes.
+//! Images of the firmware: the one that a host sends, the one that runs on trial, and the start
+//! that follows. Whoever runs the core keeps their bytes.
 
 use super::Gateway;
 use super::requests::Result;

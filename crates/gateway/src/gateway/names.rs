@@ -1,5 +1,5 @@
-//! The names of the gateway, its buses and its axes. Nothing here goes by them: they are kept for the
-//! hosts, by the rows of the [stored configuration](super::stored).
+//! The names of the gateway, its buses and its axes. Nothing here goes by them: they are kept for
+//! the hosts, by the rows of the [stored configuration](super::stored).
 
 use super::Gateway;
 use super::requests::Result;
@@ -16,8 +16,8 @@ pub(crate) const NAME_WORDS: usize = MAX_NAME / size_of::<u32>();
 /// A name as words: its bytes, then zeros.
 pub(crate) type NameWords = [u32; NAME_WORDS];
 
-/// The name of each row; zeros where it has none. Made in its place by [`init`](Self::init): what is
-/// made before passes over the stack.
+/// The name of each row; zeros where it has none. Made in its place by [`init`](Self::init): what
+/// is made before passes over the stack.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Names {
     of: Vec<NameWords, STORED_ROWS>,

@@ -204,8 +204,8 @@ impl Gateway {
 
     /// Stores a part of what [`handle`](Self::handle) has left for later: the history, and what has
     /// tripped. Returns whether that was all. [`poll_host`](Self::poll_host) stores the rest
-    /// before it says anything; a caller that calls this before, when there is time, spares the next
-    /// event a long wait after many trips.
+    /// before it says anything; a caller that calls this before, when there is time, spares the
+    /// next event a long wait after many trips.
     pub fn save_some(&mut self, store: Store<'_>) -> bool {
         if self.retention.is_complete {
             return true;

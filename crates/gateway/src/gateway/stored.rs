@@ -1,7 +1,7 @@
 //! The configuration that outlives a loss of power: its rows as bytes, and what is stored of them.
 //!
-//! A row is a sequence of changes, as a host would send them: those that make it of nothing. Whoever
-//! runs the core keeps the bytes; the core does not know where.
+//! A row is a sequence of changes, as a host would send them: those that make it of nothing.
+//! Whoever runs the core keeps the bytes; the core does not know where.
 
 use super::Gateway;
 use super::requests::{Authority, Result};
@@ -82,16 +82,17 @@ impl Stored {
 }
 
 impl Gateway {
-    /// Whether these words tell what a reset has left of a run before: its configuration then counts,
-    /// and [`restore`](Self::restore) may come before [`load`](Self::load).
+    /// Whether these words tell what a reset has left of a run before: its configuration then
+    /// counts, and [`restore`](Self::restore) may come before [`load`](Self::load).
     pub fn is_remembered(words: &[u32]) -> bool {
         is_remembered(words)
     }
 
     /// Takes over the configuration that is stored, unless a reset has left the running one in
     /// `words`: that one counts. Once, before [`restore`](Self::restore), which has each axis
-    /// stopped first; where [`is_remembered`](Self::is_remembered) it may come after. `next` writes one row after the other, in the order of their numbers, and
-    /// returns the bytes of each; nothing after the last; `Err` where a row cannot be read.
+    /// stopped first; where [`is_remembered`](Self::is_remembered) it may come after. `next` writes
+    /// one row after the other, in the order of their numbers, and returns the bytes of each;
+    /// nothing after the last; `Err` where a row cannot be read.
     ///
     /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
     /// [`ReadStored`](Request::ReadStored) says so.
@@ -147,8 +148,8 @@ impl Gateway {
         let _ = self.apply_changes(now);
     }
 
-    /// What is to be stored, once. [`Event::Saved`](crate::Event::Saved) says that it has been; until
-    /// then the configuration stays as it is, and nothing is armed.
+    /// What is to be stored, once. [`Event::Saved`](crate::Event::Saved) says that it has been;
+    /// until then the configuration stays as it is, and nothing is armed.
     pub fn take_save(&mut self) -> Option<Save> {
         let saving = self.stored.saving.as_mut().filter(|saving| !saving.is_taken)?;
         saving.is_taken = true;

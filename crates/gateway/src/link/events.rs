@@ -26,8 +26,8 @@ impl Tally {
     }
 }
 
-/// The place in the ring, and the faults of the link itself, which are counted instead of queued so that noise
-/// on the line cannot push out what happened to an axis.
+/// The place in the ring, and the faults of the link itself, which are counted instead of queued so
+/// that noise on the line cannot push out what happened to an axis.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Events {
     next: Cursor,

@@ -448,8 +448,8 @@ fn impedance(setpoint: Setpoint, config: &AxisConfig) -> Result<MotionCommand, E
 }
 
 /// What a request does; `None` where no manual lists it, or no native command may do it: what is
-/// fed forward and single-turn positions obey no limit, a reply that the motor sends by itself takes
-/// its polls away, and of a new id the gateway would learn nothing.
+/// fed forward and single-turn positions obey no limit, a reply that the motor sends by itself
+/// takes its polls away, and of a new id the gateway would learn nothing.
 fn effect(request: Request, sign: f32) -> Option<Effect> {
     let position = |angle: Centidegrees| sign * CENTIDEGREES.to_si(angle.0);
     Some(match request {

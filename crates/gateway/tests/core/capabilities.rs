@@ -1,5 +1,5 @@
-//! The table "What each protocol can do" of PROTOCOL.md, tried cell by cell; and on which buses each
-//! runs, as README.md says.
+//! The table "What each protocol can do" of PROTOCOL.md, tried cell by cell; and on which buses
+//! each runs, as README.md says.
 
 use crate::bench::{self, arm, setpoint};
 use crate::rig::Rig;

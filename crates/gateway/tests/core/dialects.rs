@@ -1,5 +1,5 @@
-//! RMD dialects (docs/rmd-dialects.md): what a motor lacks is refused by name, what differs goes out in
-//! its dialect. The bytes have their sources in `host-tests/vectors/rmd-dialects.txt`.
+//! RMD dialects (docs/rmd-dialects.md): what a motor lacks is refused by name, what differs goes
+//! out in its dialect. The bytes have their sources in `host-tests/vectors/rmd-dialects.txt`.
 
 use crate::bench::{self, VELOCITY, arm, native, parameter, setpoint};
 use crate::rig::{Instead, Rig};
@@ -83,7 +83,8 @@ fn armed_with(answers: [bool; 6], spoken: u32) -> Result<Reply, Error> {
     rig.ask(Request::Arm(requests::Arm { axis: 0 }))
 }
 
-/// One pair of agreeing answers is enough to contradict; silence, and an answer given once, are not.
+/// One pair of agreeing answers is enough to contradict; silence, and an answer given once, are
+/// not.
 #[test]
 fn silence_and_single_answers_contradict_nothing() {
     let (yes, no) = (true, false);

@@ -26,8 +26,8 @@ pub const RMD_ACTS: [u8; 23] = [
     0x20, 0x31, 0x32, 0x43, 0x63, 0x64, 0x76, 0x77, 0x78, 0x79, 0x80, 0x81, 0xA1, 0xA2, 0xA3, 0xA4,
     0xA5, 0xA6, 0xA7, 0xA8, 0xB3, 0xB4, 0xF1,
 ];
-/// Reads with an index, which older motors pass over (docs/rmd-dialects.md): a gain from V4.2 on, an
-/// acceleration from V3.9 on, a part of the model's name of V4.4.
+/// Reads with an index, which older motors pass over (docs/rmd-dialects.md): a gain from V4.2 on,
+/// an acceleration from V3.9 on, a part of the model's name of V4.4.
 pub const fn reads_by_index(data: [u8; 8]) -> bool {
     matches!(
         data,

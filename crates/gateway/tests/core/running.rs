@@ -124,8 +124,8 @@ fn what_is_told_of_every_axis_and_what_of_one() {
     assert_eq!((event.states[0], event.states.len()), (0x03, 3));
 }
 
-/// What went to the controller before a period may leave in it. Its answer is not that to a setpoint
-/// that was accepted before the period as well.
+/// What went to the controller before a period may leave in it. Its answer is not that to a
+/// setpoint that was accepted before the period as well.
 #[test]
 fn a_period_is_answered_by_the_setpoint_in_force_when_it_began() {
     let of_frame = |text: &str| {

@@ -73,8 +73,8 @@ pub(super) fn has(dialect: u32, data: &[u8]) -> bool {
     }
 }
 
-/// The dialects whose motors answer a read so, a bit for each by its number in `rmd_dialect`: the form
-/// tells (docs/rmd-dialects.md, Recognition).
+/// The dialects whose motors answer a read so, a bit for each by its number in `rmd_dialect`: the
+/// form tells (docs/rmd-dialects.md, Recognition).
 pub(super) fn dialects(request: &[u8], reply: &[u8]) -> Option<u8> {
     const UP_TO_V3_7: u8 = 0b000_0110;
     const UP_TO_V3_9: u8 = 0b000_1110;

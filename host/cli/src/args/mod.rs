@@ -321,8 +321,8 @@ pub enum Command {
 
     /// Play again what led to a trip, on the core of this program; needs no gateway
     ///
-    /// FILE is what a flight recorder has kept: a snapshot of the gateway and every event since. The
-    /// core of the same build does it all again, and must end with the same trip at the same
+    /// FILE is what a flight recorder has kept: a snapshot of the gateway and every event since.
+    /// The core of the same build does it all again, and must end with the same trip at the same
     /// microsecond; else the exit code is 1.
     #[command(after_help = "Examples:\n  mgw sim --flight-recorder trip.mgfr\n  \
             mgw replay trip.mgfr                  20 ms before the trip and 20 ms of its stop\n  \
@@ -395,8 +395,8 @@ pub enum Command {
     /// Give the gateway another firmware over its host link, and keep it if it comes up well
     ///
     /// The firmware that runs goes on meanwhile; then the gateway starts the new one on trial, in
-    /// which nothing is armed, and this command confirms it. Without that, or when the power fails at
-    /// any time, the one before runs again. Every axis must be at rest.
+    /// which nothing is armed, and this command confirms it. Without that, or when the power fails
+    /// at any time, the one before runs again. Every axis must be at rest.
     #[command(after_help = "Examples:\n  \
             mgw update motor-gateway-nucleo-h743zi.elf\n  \
             mgw update firmware.bin --signature firmware.sig\n  \
@@ -436,9 +436,9 @@ pub enum Command {
     /// Decode captured frames from files or standard input; needs no gateway
     ///
     /// Reads lines as candump writes them, `(1700000000.0) can0 141#9A00000000000000` or only
-    /// `141#9A…`, also those of `candump -x`, and bytes of a serial line in hexadecimal, several frames and garbage in a
-    /// line or one frame over several lines. Prints one line for each frame; what cannot be
-    /// decoded has an `error` with a stable name, and makes the exit code 1.
+    /// `141#9A…`, also those of `candump -x`, and bytes of a serial line in hexadecimal, several
+    /// frames and garbage in a line or one frame over several lines. Prints one line for each
+    /// frame; what cannot be decoded has an `error` with a stable name, and makes the exit code 1.
     #[command(after_help = "Examples:\n  \
             mgw decode candump-2026-01-01_120000.log\n  \
             echo 241#9A320001E5010400 | mgw decode\n  \

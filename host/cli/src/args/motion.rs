@@ -82,8 +82,8 @@ pub struct Target {
 }
 
 impl Target {
-    /// Reads `AXIS velocity RAD_S` two times or more; otherwise what is wrong. `find` says which axis
-    /// was typed.
+    /// Reads `AXIS velocity RAD_S` two times or more; otherwise what is wrong. `find` says which
+    /// axis was typed.
     pub fn all(
         words: &[String],
         mut find: impl FnMut(&Typed) -> Result<u8, Failure>,

@@ -28,8 +28,9 @@ pub struct PlanArgs {
     /// How long motors take to begin their reply, µs: all of them, or one axis; 250 unless given
     #[arg(long = "reply-delay", value_name = "US|AXIS=US", value_parser = reply_delay)]
     pub reply_delays: Vec<(Option<u8>, u32)>,
-    /// Reply delays as `mgw bench --delays` has written them, or the table of `mgw delays`, of which
-    /// each axis takes the longest of its protocol, bus and bitrate; --reply-delay goes before
+    /// Reply delays as `mgw bench --delays` has written them, or the table of `mgw delays`, of
+    /// which each axis takes the longest of its protocol, bus and bitrate; --reply-delay goes
+    /// before
     #[arg(long, value_name = "FILE", value_parser = Source::read)]
     pub delays: Option<Source>,
     /// The model of an axis's motor, as the table of --delays has it; may be given often

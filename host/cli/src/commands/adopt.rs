@@ -24,8 +24,8 @@ const HEADING: &str = "\
 # by model. Then `mgw config check FILE` and `mgw config apply FILE`, which writes each motor_timeout_ms
 # into its motor. What is not in it has its default.
 ";
-/// The time after which a motor that hears nothing stops by itself, ms. The gateway sends a setpoint
-/// again three times within it.
+/// The time after which a motor that hears nothing stops by itself, ms. The gateway sends a
+/// setpoint again three times within it.
 const MOTOR_TIMEOUT_MS: u32 = 300;
 /// The acknowledge level of a D5 as it comes from its box.
 const FACTORY_ACK_LEVEL: u8 = 2;

@@ -298,7 +298,8 @@ fn of_request(request: &Request) -> Vec<&'static str> {
     Request::dialects_of(data).iter().map(Dialect::name).collect()
 }
 
-/// The dialects that have a reply that this one has not; `unknown` has every one that tells its form.
+/// The dialects that have a reply that this one has not; `unknown` has every one that tells its
+/// form.
 fn of_reply(reply: &Reply) -> Vec<&'static str> {
     let data = match reply {
         Reply::Unknown { data } => *data,

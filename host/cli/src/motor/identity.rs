@@ -167,8 +167,9 @@ fn verify(run: &mut Run<'_>, old: u8, new: u8) -> Result<Seen, Failure> {
     })
 }
 
-/// By 0x79, which reaches every motor of the bus, or 0x20 index 5, whose answer comes from the new id
-/// at once while the motor listens on the old one until it restarts. Neither is a native command.
+/// By 0x79, which reaches every motor of the bus, or 0x20 index 5, whose answer comes from the new
+/// id at once while the motor listens on the old one until it restarts. Neither is a native
+/// command.
 fn rmd_id(run: &mut Run<'_>, old: u8, new: u8) -> Result<u8, Failure> {
     let motor = run.motor.clone();
     let node = |id| ::rmd::Node::new(id).map_err(|error| refused(&error, &motor));

@@ -1,7 +1,8 @@
 //! The settings of one motor, configured or not.
 //!
 //! A motor without an axis is lent one for as long as the command lasts, so that what is sent to it
-//! stands under the same rules as a native command of an axis; then the configuration is what it was.
+//! stands under the same rules as a native command of an axis; then the configuration is what it
+//! was.
 
 mod actions;
 mod change;
@@ -179,7 +180,8 @@ impl Run<'_> {
     }
 
     /// An RMD echoes the first command after its own timeout and does not carry it out; and from
-    /// V4.4 on it stores nothing while its output is on. So it is switched off before it is changed.
+    /// V4.4 on it stores nothing while its output is on. So it is switched off before it is
+    /// changed.
     fn switch_off(&mut self) -> Result<(), Failure> {
         match self.motor.protocol {
             Protocol::Rmd => self.ask_rmd(&::rmd::Request::Shutdown).map(drop),

@@ -1,5 +1,5 @@
-//! The reply delays that `mgw plan --delays` reads: by axis, as `mgw bench --delays` writes them, or
-//! by motor, as the table of `mgw delays` has them.
+//! The reply delays that `mgw plan --delays` reads: by axis, as `mgw bench --delays` writes them,
+//! or by motor, as the table of `mgw delays` has them.
 
 use std::collections::{BTreeMap, BTreeSet};
 

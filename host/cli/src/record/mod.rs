@@ -1,7 +1,8 @@
 //! Recordings: what a gateway says, and what it is asked, as an MCAP file that other programs read.
 //!
-//! Whoever has something to record puts it into a [`Tap`], which never waits. A thread takes it out,
-//! has the [`Encoder`] make messages of it, and writes them. docs/recording.md says what a file has.
+//! Whoever has something to record puts it into a [`Tap`], which never waits. A thread takes it
+//! out, has the [`Encoder`] make messages of it, and writes them. docs/recording.md says what a
+//! file has.
 
 mod encode;
 mod export;

@@ -1,4 +1,5 @@
-//! Reads recordings, one message after the other: those that were cut off, and those of others, too.
+//! Reads recordings, one message after the other: those that were cut off, and those of others,
+//! too.
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};

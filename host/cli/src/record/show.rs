@@ -114,8 +114,8 @@ fn fields(value: &Value) -> String {
     flat(value).into_iter().map(|(name, value)| format!(" {name}={value}")).collect()
 }
 
-/// The values of an object, with the ways to them as names. Of a list of axes the number of the axis
-/// is in the way, not its place.
+/// The values of an object, with the ways to them as names. Of a list of axes the number of the
+/// axis is in the way, not its place.
 pub fn flat(value: &Value) -> Vec<(String, String)> {
     let mut all = Vec::new();
     put(&mut all, String::new(), value);

@@ -246,8 +246,9 @@ fn at_its_own(
 }
 
 /// Runs a bus without axes at the bitrates that were named; on CAN until motors are found, which
-/// another one would only disturb. There the right one may be heard, and on a bus that is not silent
-/// nothing is sent at another: a controller at a wrong bitrate destroys the frames of others.
+/// another one would only disturb. There the right one may be heard, and on a bus that is not
+/// silent nothing is sent at another: a controller at a wrong bitrate destroys the frames of
+/// others.
 fn at_other_bitrates(
     session: &mut Session,
     wanted: &Wanted,
@@ -319,15 +320,15 @@ impl Hear for Ears {
     }
 }
 
-/// Whether a CAN bus can be asked at a bitrate that is not known to be its own: it is silent, or what
-/// is heard can be read.
+/// Whether a CAN bus can be asked at a bitrate that is not known to be its own: it is silent, or
+/// what is heard can be read.
 pub fn may_be_asked(session: &mut Session, bus: u8, bitrate: u32) -> Result<bool, Failure> {
     let wanted = Wanted { targets: Vec::new(), listen: LISTEN, thrusters: false, force: false };
     Ok(!matches!(listen(session, &wanted, bus, &[bitrate])?, Heard::Unreadable))
 }
 
-/// Listens, acknowledging nothing. A bus that is silent at one bitrate is so at all: what is sent at
-/// another is heard as errors.
+/// Listens, acknowledging nothing. A bus that is silent at one bitrate is so at all: what is sent
+/// at another is heard as errors.
 fn listen(
     session: &mut Session,
     wanted: &Wanted,

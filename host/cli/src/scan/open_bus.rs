@@ -70,7 +70,8 @@ impl<'a> OpenBus<'a> {
         Ok(self.session.client.bus_status(self.bus)?)
     }
 
-    /// Whether anybody acknowledges a frame, which is sent once or, as noise may have hit it, twice.
+    /// Whether anybody acknowledges a frame, which is sent once or, as noise may have hit it,
+    /// twice.
     pub fn is_acknowledged(
         &mut self,
         frame: &RawFrame,

@@ -76,13 +76,14 @@ impl Display {
         drawn.map(drop).map_err(gone)
     }
 
-    /// Takes the terminal over again: whoever ran in between has left it otherwise, so that no key came.
+    /// Takes the terminal over again: whoever ran in between has left it otherwise, so that no key
+    /// came.
     pub fn take_again(&mut self) -> Result<(), Failure> {
         // crossterm takes what it has set for what is.
         let _ = disable_raw_mode();
         enable_raw_mode().map_err(gone)?;
-        // A new one, which knows nothing of what is on the screen. Its own way asks the terminal where the
-        // cursor is, and waits.
+        // A new one, which knows nothing of what is on the screen. Its own way asks the terminal
+        // where the cursor is, and waits.
         self.terminal = execute!(io::stdout(), EnterAlternateScreen, Hide, Clear(ClearType::All))
             .and_then(|()| Terminal::new(CrosstermBackend::new(io::stdout())))
             .map_err(gone)?;

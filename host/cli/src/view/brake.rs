@@ -41,7 +41,8 @@ impl Drop for Place {
     }
 }
 
-/// Stops every axis; `taken` is called as soon as the gateway has taken it. Then what each axis says.
+/// Stops every axis; `taken` is called as soon as the gateway has taken it. Then what each axis
+/// says.
 fn stop(reach: &Reach, taken: impl FnOnce()) -> Result<Vec<Value>, Failure> {
     let Some(place) = Place::take(&SENDING, UNANSWERED) else {
         let text = format!("{UNANSWERED} stops are sent again until they are answered");

@@ -40,8 +40,8 @@ struct Axis {
 #[derive(Debug, Default)]
 pub struct Envelope {
     axes: BTreeMap<u8, Axis>,
-    /// When the last reading of each field was taken, gateway time in µs: a sample repeats what a motor
-    /// has said last, however long ago.
+    /// When the last reading of each field was taken, gateway time in µs: a sample repeats what a
+    /// motor has said last, however long ago.
     read_us: BTreeMap<u8, [u64; FIELDS.len()]>,
 }
 

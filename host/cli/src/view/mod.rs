@@ -1,5 +1,5 @@
-//! `mgw serve --view`: a page that shows the gateway and, to whom takes command, moves its axes; and
-//! the same data by Foxglove's protocol.
+//! `mgw serve --view`: a page that shows the gateway and, to whom takes command, moves its axes;
+//! and the same data by Foxglove's protocol.
 //!
 //! It is one more program of the server, or several: one that watches for all pages (`eye.rs`), one
 //! for each page in command (`hand.rs`), one for each stop (`brake.rs`). Who may open it is decided

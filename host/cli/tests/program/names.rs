@@ -4,7 +4,8 @@ use serde_json::{Value, json};
 
 use crate::support::{Sim, mgw_reading};
 
-/// A simulator whose RMD on CAN is `left`, its thruster `prop`, their bus `arm_bus`, itself `arm-2_B`.
+/// A simulator whose RMD on CAN is `left`, its thruster `prop`, their bus `arm_bus`, itself
+/// `arm-2_B`.
 fn named(arguments: &[&str]) -> Sim {
     let sim = Sim::with(arguments);
     for words in [

@@ -1,5 +1,5 @@
-//! What a guide has typed, and what it says is printed. The virtual board reads its guide with this,
-//! too.
+//! What a guide has typed, and what it says is printed. The virtual board reads its guide with
+//! this, too.
 
 /// What the guide has typed.
 pub enum Typed {

@@ -1,5 +1,5 @@
-//! The page of `mgw serve --view`: who may open it, what it may do, and what becomes of the axes of a
-//! page that goes. As a browser, and whoever attacks one, would speak to it.
+//! The page of `mgw serve --view`: who may open it, what it may do, and what becomes of the axes of
+//! a page that goes. As a browser, and whoever attacks one, would speak to it.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -130,7 +130,8 @@ impl Page {
         self.0.send(Message::text(ask.to_string())).expect("it is heard");
     }
 
-    /// The first message for which `find` finds something. Meanwhile the page says that it is there.
+    /// The first message for which `find` finds something. Meanwhile the page says that it is
+    /// there.
     fn wait_for<T>(&mut self, what: &str, find: impl Fn(&Value) -> Option<T>) -> T {
         let (end, mut beat) = (Instant::now() + LIMIT, Instant::now());
         let mut last = Value::Null;

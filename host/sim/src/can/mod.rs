@@ -35,8 +35,8 @@ pub(crate) enum CanOutcome {
         /// Every station that received it.
         to: Vec<Station>,
     },
-    /// A frame that nobody acknowledged, whole to who only listens: an error-passive sender makes no
-    /// error flag that anybody sees.
+    /// A frame that nobody acknowledged, whole to who only listens: an error-passive sender makes
+    /// no error flag that anybody sees.
     Overheard { frame: CanFrame, to: Vec<Station> },
     /// A frame that was asked back has not been sent and will not be.
     Cancelled { station: Station, slot: u8 },

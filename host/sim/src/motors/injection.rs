@@ -145,8 +145,8 @@ injections! {
     /// RMD: what it stores it stores only while its output is off, and echoes it all the same
     /// (V4.4).
     StoresOnlyOff stores_only_off "stores-only-off";
-    /// RMD: it sends its status 2 every 100 ms by itself, and does not answer 0x9C any more (0xB6 of
-    /// V3.9).
+    /// RMD: it sends its status 2 every 100 ms by itself, and does not answer 0x9C any more (0xB6
+    /// of V3.9).
     ActiveReplies active_replies "active-replies";
     /// D5: it hears what goes to other motors, and answers that it was not for it (D5 manual, table
     /// row 5).

@@ -117,7 +117,8 @@ impl World {
         self.settle();
     }
 
-    /// Gives the board a storage for its configuration, and starts it anew as after a loss of power.
+    /// Gives the board a storage for its configuration, and starts it anew as after a loss of
+    /// power.
     pub fn set_storage(&mut self, storage: Storage) {
         self.life.storage = Some(storage);
         self.life.words.clear();

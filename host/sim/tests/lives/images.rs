@@ -1,4 +1,5 @@
-//! Another firmware on a simulated board: what runs after a start, an end of the trial, a reset in it.
+//! Another firmware on a simulated board: what runs after a start, an end of the trial, a reset in
+//! it.
 
 use firmware_image::{CHECKSUM, FirmwareVersion, Header, NO_KEY};
 use host_protocol::{BootReason, Error, ImageState};

@@ -8,8 +8,8 @@ use serde_json::Value;
 
 use crate::support::{Gateway, endpoint, peer, subscribe, until, wait_for};
 
-/// Without what is different each time, or for each program: ages, and what was dropped on the way to
-/// it.
+/// Without what is different each time, or for each program: ages, and what was dropped on the way
+/// to it.
 fn without_ages(value: &Value) -> Value {
     match value {
         Value::Object(fields) => fields

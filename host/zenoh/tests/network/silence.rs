@@ -15,8 +15,8 @@ use crate::support::{
 /// What is on its way when a signal comes.
 const ON_ITS_WAY: Duration = Duration::from_millis(300);
 
-/// Has an axis held by a process, sends that a signal, and returns the trip that follows. Checks that
-/// from then on nothing is sent for it.
+/// Has an axis held by a process, sends that a signal, and returns the trip that follows. Checks
+/// that from then on nothing is sent for it.
 fn trip_after(signal: Signal) -> Value {
     let gateway = Gateway::start();
     let here = endpoint();

@@ -10,8 +10,8 @@ use crate::explain::Page;
 use crate::failure::Failure;
 use crate::session::Session;
 
-/// Bits of a frame with eight data bytes, stuffed as usual, and of a serial byte with its share of a
-/// pause.
+/// Bits of a frame with eight data bytes, stuffed as usual, and of a serial byte with its share of
+/// a pause.
 const CAN_FRAME_BITS: f64 = 125.0;
 const SERIAL_FRAME_BITS: f64 = 130.0;
 /// A bus with more than this part of its time taken delays setpoints.
