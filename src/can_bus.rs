@@ -74,6 +74,18 @@ impl CanBus {
             self.start(setup);
             return self.changed_error_state();
         }
+        let controller =
+            self.controller.as_ref().filter(|controller| controller.events.take_any())?;
+        let events = controller.events;
+        let event = self.next_of_controller();
+        if event.is_some() {
+            events.may_have_more();
+        }
+        event
+    }
+
+    fn next_of_controller(&mut self) -> Option<Event<'static>> {
+        let bus = self.bus;
         let controller = self.controller.as_mut()?;
         match controller.events.take_lost() {
             0 => {}

@@ -61,6 +61,8 @@ pub fn look() {
 /// The events of one controller.
 pub struct CanEvents {
     queue: Channel<CriticalSectionRawMutex, CanEvent, DEPTH>,
+    /// There may be something: what is set below, or in the queue.
+    any: AtomicBool,
     /// Set however often they come: they take no place from a frame.
     cancellation_finished: AtomicBool,
     error_state: AtomicBool,
@@ -73,6 +75,7 @@ impl CanEvents {
     pub const fn new() -> Self {
         Self {
             queue: Channel::new(),
+            any: AtomicBool::new(false),
             cancellation_finished: AtomicBool::new(false),
             error_state: AtomicBool::new(false),
             lost: AtomicU32::new(0),
@@ -85,6 +88,22 @@ impl CanEvents {
         self.cancellation_finished.store(false, Ordering::Relaxed);
         self.error_state.store(false, Ordering::Relaxed);
         self.lost.store(0, Ordering::Relaxed);
+    }
+
+    /// Whether there may be something. Who asks looks at everything then, and
+    /// [says so](Self::may_have_more) where it finds something: there may be more.
+    pub fn take_any(&self) -> bool {
+        take(&self.any)
+    }
+
+    /// There may be more than what was found.
+    pub fn may_have_more(&self) {
+        self.any.store(true, Ordering::Relaxed);
+    }
+
+    fn tell(&self) {
+        self.may_have_more();
+        look();
     }
 
     /// The next event.
@@ -113,6 +132,7 @@ impl CanEvents {
 
     fn count_lost(&self) {
         self.lost.fetch_add(1, Ordering::Relaxed);
+        self.may_have_more();
     }
 
     fn received(&self, frame: [u32; FRAME_WORDS]) {
@@ -128,19 +148,19 @@ impl CanEvents {
         // Received frames leave room for what becomes of ours: as many as there are slots, and one
         // that waits.
         let _ = self.queue.try_send(event);
-        look();
+        self.tell();
     }
 
     /// A request to cancel a frame has been dealt with.
     pub(super) fn report_cancellation(&self) {
         self.cancellation_finished.store(true, Ordering::Relaxed);
-        look();
+        self.tell();
     }
 
     /// The error state may have changed.
     pub fn report_error_state(&self) {
         self.error_state.store(true, Ordering::Relaxed);
-        look();
+        self.tell();
     }
 }
 

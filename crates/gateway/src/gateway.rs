@@ -477,24 +477,34 @@ impl Gateway {
 
     fn host_bytes(&mut self, now: Instant, link: u8, mut bytes: &[u8]) {
         while !bytes.is_empty() {
-            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
-            let has_session = port.is_told();
-            let Some(frame) = port.receive(now.as_micros(), &mut bytes) else { continue };
-            let identity = Identity::of(&frame);
-            let watches = frame.kind == Kind::WatcherRequest;
-            let mut request = Request::decode(frame.number, frame.body);
-            if !watches {
-                self.authority.heard(now, link);
-                self.link_lost = false;
-            } else if !has_session && !request.as_ref().is_ok_and(stops_each_time) {
-                request = Err(Error::NoSession {});
-            }
-            let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
-            if let Some(slot) = slot {
-                self.execute(now, Ticket { link, watches, slot }, &request);
-            }
+            self.host_frame(now, link, &mut bytes);
         }
         self.links.touch(link);
+    }
+
+    /// Takes `bytes` off their front, as far as the end of a frame or all, and executes the frame.
+    /// Not inlined: the loop around it would work out beforehand what only some frames need.
+    #[inline(never)]
+    fn host_frame(&mut self, now: Instant, link: u8, bytes: &mut &[u8]) {
+        let Some(port) = self.links.get_mut(usize::from(link)) else {
+            *bytes = &[];
+            return;
+        };
+        let has_session = port.is_told();
+        let Some(frame) = port.receive(now.as_micros(), bytes) else { return };
+        let identity = Identity::of(&frame);
+        let watches = frame.kind == Kind::WatcherRequest;
+        let mut request = Request::decode(frame.number, frame.body);
+        if !watches {
+            self.authority.heard(now, link);
+            self.link_lost = false;
+        } else if !has_session && !request.as_ref().is_ok_and(stops_each_time) {
+            request = Err(Error::NoSession {});
+        }
+        let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
+        if let Some(slot) = slot {
+            self.execute(now, Ticket { link, watches, slot }, &request);
+        }
     }
 
     pub(crate) fn outbox(&mut self, now: Instant) -> Outbox<'_> {

@@ -98,6 +98,9 @@ fn complete(
 /// where that ends.
 fn stuff(out: &mut [u8], mut end: usize) -> Option<usize> {
     let mut code_at = MESSAGE_AT - 1;
+    if end <= MESSAGE_AT + COBS_BLOCK - 1 {
+        return stuff_short(out.get_mut(code_at..=end)?).map(|()| end + 1);
+    }
     loop {
         let (code, data) = out.get_mut(code_at..end)?.split_first_mut()?;
         let block = data.get(..COBS_BLOCK).unwrap_or(data);
@@ -119,6 +122,24 @@ fn stuff(out: &mut [u8], mut end: usize) -> Option<usize> {
         let mut moved = 0;
         out.get_mut(code_at..end)?.iter_mut().for_each(|byte| swap(byte, &mut moved));
     }
+}
+
+/// The same of a message that fills no block, from its first code byte to its delimiter: each code
+/// byte says how far the next one is. From the end, so that each byte is looked at once.
+fn stuff_short(out: &mut [u8]) -> Option<()> {
+    let (delimiter, rest) = out.split_last_mut()?;
+    *delimiter = DELIMITER;
+    let (first, data) = rest.split_first_mut()?;
+    let mut to_next = 1;
+    for byte in data.iter_mut().rev() {
+        if *byte == 0 {
+            *byte = to_next;
+            to_next = 0;
+        }
+        to_next += 1;
+    }
+    *first = to_next;
+    Some(())
 }
 
 #[cfg(test)]

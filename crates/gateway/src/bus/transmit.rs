@@ -260,7 +260,7 @@ impl Bus {
             Exchange::Motion => within.min(axis.config.ttl()),
             _ => within,
         };
-        let transmit = self.launch(now, slot, Some(axis.index), frame, within);
+        self.launch(now, slot, Some(axis.index), &frame, within);
         if let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::as_mut)
         {
             // The stop command with which an arming begins stops nothing that must be stopped.
@@ -268,7 +268,7 @@ impl Bus {
             in_flight.is_first_stop = want.priority.is_first_stop();
             in_flight.collided_at = collided_at;
         }
-        Some(transmit)
+        Some(Transmit { slot, frame })
     }
 
     fn raw_frame(&mut self, now: Instant) -> Option<Transmit> {
@@ -280,7 +280,8 @@ impl Bus {
             RawFrame::Serial(bytes) => Outgoing::Serial(Vec::from_slice(bytes.as_slice()).ok()?),
         };
         let within = ACKNOWLEDGE_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
-        Some(self.launch(now, ORDINARY_SLOT, None, frame, within))
+        self.launch(now, ORDINARY_SLOT, None, &frame, within);
+        Some(Transmit { slot: ORDINARY_SLOT, frame })
     }
 
     fn launch(
@@ -288,10 +289,10 @@ impl Bus {
         now: Instant,
         slot: u8,
         axis: Option<u8>,
-        frame: Outgoing,
+        frame: &Outgoing,
         within: Duration,
-    ) -> Transmit {
-        let id: Option<CanId> = match &frame {
+    ) {
+        let id: Option<CanId> = match frame {
             Outgoing::Can(frame) => Some(CanId(frame.id())),
             Outgoing::Serial(bytes) => {
                 self.line.taken(now, bytes);
@@ -319,7 +320,6 @@ impl Bus {
                 collided_at: None,
             });
         }
-        Transmit { slot, frame }
     }
 }
 

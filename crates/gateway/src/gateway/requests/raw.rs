@@ -88,10 +88,14 @@ impl Gateway {
 
     /// Closes each bus that may not be open any more: after an e-stop, and where an axis is no
     /// longer idle.
+    #[inline]
     pub(crate) fn close_barred_raw(&mut self, now: Instant) {
-        self.close_raw(now, |gateway, bus, unsafe_access| {
-            gateway.refuse_raw(bus, unsafe_access).is_err()
-        });
+        // Mostly none is open, and this is asked at every event.
+        if self.buses.iter().any(|bus| bus.raw.is_some()) {
+            self.close_raw(now, |gateway, bus, unsafe_access| {
+                gateway.refuse_raw(bus, unsafe_access).is_err()
+            });
+        }
     }
 
     pub(crate) fn close_all_raw(&mut self, now: Instant) {
@@ -99,7 +103,6 @@ impl Gateway {
     }
 
     fn close_raw(&mut self, now: Instant, closes: impl Fn(&Self, u8, bool) -> bool) {
-        // Mostly none is open, and this is asked at every event.
         while let Some(bus) = self.buses.iter().find(|bus| {
             let closes = |unsafe_access| closes(self, bus.index(), unsafe_access);
             bus.raw.as_ref().is_some_and(|raw| closes(raw.is_unsafe() || bus.is_borrowed()))
