@@ -23,6 +23,8 @@ mod line;
 #[cfg(target_os = "none")]
 mod log;
 #[cfg(target_os = "none")]
+mod memory;
+#[cfg(target_os = "none")]
 mod random;
 #[cfg(target_os = "none")]
 mod retained;
