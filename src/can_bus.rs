@@ -15,6 +15,8 @@ pub struct CanBus {
     port: &'static mut (dyn CanPort + Send),
     /// How it runs, as the core has asked for it.
     setup: Option<BusSetup>,
+    /// The core has asked for another one.
+    is_stale: bool,
     controller: Option<Controller>,
     /// The error state that the core knows.
     reported: Option<ErrorState>,
@@ -25,7 +27,7 @@ impl CanBus {
     /// A bus that does not run yet.
     pub fn new(bus: u8, port: &'static mut (dyn CanPort + Send)) -> Self {
         let losses = LineErrors::default();
-        Self { bus, port, setup: None, controller: None, reported: None, losses }
+        Self { bus, port, setup: None, is_stale: true, controller: None, reported: None, losses }
     }
 
     /// Its number.
@@ -39,6 +41,7 @@ impl CanBus {
     #[inline(never)]
     pub fn serve(&mut self, core: &mut Gateway, now: Instant) -> bool {
         if core.bus_setup(self.bus) != self.setup {
+            self.is_stale = true;
             fdcan::look();
             return false;
         }
@@ -68,10 +71,9 @@ impl CanBus {
     /// The next event for the core. What cannot wait comes first: the setup, then lost frames,
     /// which a full queue must not hide.
     pub fn next(&mut self, core: &Gateway) -> Option<Event<'static>> {
-        let bus = self.bus;
-        let setup = core.bus_setup(bus);
-        if setup != self.setup {
-            self.start(setup);
+        if self.is_stale {
+            self.is_stale = false;
+            self.start(core.bus_setup(self.bus));
             return self.changed_error_state();
         }
         let controller =

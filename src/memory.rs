@@ -1,7 +1,8 @@
-//! Copies of memory in whole words, which the compiler asks for where it moves what is long.
+//! Copies of memory, which the compiler asks for where it moves what is long.
 //!
-//! The run-time ABI's functions of compiler-builtins copy a word at a time, and each frame is
-//! moved a few times: by four words they take a third of the instructions.
+//! Those of compiler-builtins copy a word at a time where both ends are aligned, and less where they
+//! are not. Each frame and each request is moved a few times: these take a third of the
+//! instructions.
 
 use core::arch::global_asm;
 
@@ -39,4 +40,28 @@ global_asm!(
     "subs r2, #1",
     "bne 3b",
     "4: pop {{r4, r5, r6, pc}}",
+);
+
+// The same with ends that need not be aligned: single loads and stores may be so on these
+// processors, in normal memory (ARMv7-M Architecture Reference Manual, A3.2.1).
+global_asm!(
+    ".section .text.__aeabi_memcpy, \"ax\"",
+    ".global __aeabi_memcpy",
+    ".type __aeabi_memcpy, %function",
+    ".thumb_func",
+    "__aeabi_memcpy:",
+    "subs r2, #4",
+    "blo 2f",
+    "1: ldr r3, [r1], #4",
+    "str r3, [r0], #4",
+    "subs r2, #4",
+    "bhs 1b",
+    "2: lsls r2, r2, #31",
+    "itt cs",
+    "ldrhcs r3, [r1], #2",
+    "strhcs r3, [r0], #2",
+    "itt mi",
+    "ldrbmi r3, [r1]",
+    "strbmi r3, [r0]",
+    "bx lr",
 );

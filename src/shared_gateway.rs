@@ -93,14 +93,11 @@ impl Parts {
     /// The next event of a CAN bus, each in turn.
     fn next_can_event(&mut self) -> Option<Event<'static>> {
         let Self { core, can, first, .. } = self;
-        let (before, from) = can.split_at_mut(*first);
-        for bus in from.iter_mut().chain(before) {
+        (0..CAN_BUSES).find_map(|_| {
+            let bus = can.get_mut(*first).and_then(Option::as_mut);
             *first = if *first + 1 < CAN_BUSES { *first + 1 } else { 0 };
-            if let Some(event) = bus.as_mut().and_then(|bus| bus.next(core)) {
-                return Some(event);
-            }
-        }
-        None
+            bus?.next(core)
+        })
     }
 
     /// Hands the CAN controllers the frames of the buses that have changed. Returns whether there

@@ -98,7 +98,7 @@ fn complete(
 /// where that ends.
 fn stuff(out: &mut [u8], mut end: usize) -> Option<usize> {
     let mut code_at = MESSAGE_AT - 1;
-    if end <= MESSAGE_AT + COBS_BLOCK - 1 {
+    if end < MESSAGE_AT + COBS_BLOCK {
         return stuff_short(out.get_mut(code_at..=end)?).map(|()| end + 1);
     }
     loop {
