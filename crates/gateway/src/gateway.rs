@@ -137,7 +137,8 @@ impl Gateway {
             }
         }
         while !self.links.is_full() {
-            let _ = self.links.push(const { Link::new() });
+            // Not as a constant, which would have the zeros of its 5 KB in the image.
+            let _ = self.links.push(Link::new());
         }
         for (link, port) in self.links.iter_mut().zip(self.board.links) {
             link.offer(port.bauds);
@@ -499,7 +500,7 @@ impl Gateway {
             self.authority.heard(now, link);
             self.link_lost = false;
         } else if !has_session && !request.as_ref().is_ok_and(stops_each_time) {
-            request = Err(Error::NoSession {});
+            request = Err(no_session());
         }
         let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
         if let Some(slot) = slot {
@@ -579,6 +580,14 @@ impl Gateway {
         let Self { buses, axes, links, .. } = self;
         Some(act(buses.get_mut(usize::from(bus))?, axes, &mut Outbox::new(now, links)))
     }
+}
+
+/// A function of its own: written out, the refusal would be a constant as large as the largest
+/// request.
+#[cold]
+#[inline(never)]
+fn no_session() -> Error {
+    Error::NoSession {}
 }
 
 /// The bus with this number is none of these.

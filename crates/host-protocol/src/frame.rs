@@ -29,8 +29,9 @@ pub(crate) const COBS_FULL: u8 = 0xFF;
 pub const MAX_FRAME: usize = 1 + MAX_MESSAGE + MAX_MESSAGE / COBS_BLOCK + 1 + 1;
 
 /// The checksum, known as CRC-32C or CRC-32/ISCSI. Its table takes 1 KiB of the firmware: bit by
-/// bit a reply of 100 bytes kept a stop waiting for 15 µs.
-pub(crate) static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+/// bit a reply of 100 bytes kept a stop waiting for 15 µs. Whatever else needs this checksum uses
+/// this table.
+pub static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// What a frame is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -72,7 +72,7 @@ pub use encode::{EncodeError, encode, encode_body};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};
 pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
 pub use frame::{
-    CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME,
+    CHECKSUM, CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME,
     MAX_MESSAGE,
 };
 pub use image::{FirmwareVersion, IMAGE_UNIT, ImageState, MAX_IMAGE_BYTES, SIGNATURE_SIZE};

@@ -16,7 +16,6 @@ mod slot;
 mod states;
 
 pub use layout::RETAINED_WORDS;
-pub(super) use slot::CHECKSUM;
 
 use crate::axis::{Axis, Is};
 use crate::bus::Bus;

@@ -5,7 +5,7 @@
 
 use super::Gateway;
 use super::requests::{Authority, Result};
-use super::retained::{CHECKSUM, is_remembered};
+use super::retained::is_remembered;
 use crate::outbox::Ticket;
 use crate::port::{Found, Save, SaveError};
 use crate::set::Set;
@@ -13,8 +13,8 @@ use crate::time::Instant;
 use crate::{MAX_AXES, MAX_BUSES};
 use core::ops::Range;
 use host_protocol::{
-    AxisParameter, Change, Error, GatewayParameter, MAX_NAME, Reply, Request, StoredState, Subject,
-    replies,
+    AxisParameter, CHECKSUM, Change, Error, GatewayParameter, MAX_NAME, Reply, Request,
+    StoredState, Subject, replies,
 };
 use serde::{Deserialize, Serialize};
 

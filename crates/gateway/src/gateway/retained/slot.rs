@@ -19,13 +19,11 @@
 //! | not whole | not whole, else | – | both are damaged | nothing, damaged |
 
 use super::Store;
-use crc::{CRC_32_ISCSI, Crc};
+use host_protocol::CHECKSUM;
 
 /// Before each payload its generation, after it the checksum.
 const FRAME_WORDS: usize = 2;
 const COPIES: usize = 2;
-
-pub(in crate::gateway) static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// Where a slot is and how many words it holds.
 #[derive(Debug, Clone, Copy)]
