@@ -137,11 +137,10 @@ impl Gateway {
             }
         }
         while !self.links.is_full() {
-            // Not as a constant, which would have the zeros of its 5 KB in the image.
-            let _ = self.links.push(Link::new());
+            let _ = self.links.push(Link::BLANK);
         }
-        for (link, port) in self.links.iter_mut().zip(self.board.links) {
-            link.offer(port.bauds);
+        for (index, link) in self.links.iter_mut().enumerate() {
+            link.offer(self.board.links.get(index).map_or(&[], |port| port.bauds));
         }
     }
 
@@ -580,14 +579,6 @@ impl Gateway {
         let Self { buses, axes, links, .. } = self;
         Some(act(buses.get_mut(usize::from(bus))?, axes, &mut Outbox::new(now, links)))
     }
-}
-
-/// A function of its own: written out, the refusal would be a constant as large as the largest
-/// request.
-#[cold]
-#[inline(never)]
-fn no_session() -> Error {
-    Error::NoSession {}
 }
 
 /// The bus with this number is none of these.

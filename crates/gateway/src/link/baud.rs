@@ -13,7 +13,7 @@ const ONE_FRAME_US: u64 = 5_000;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Baud {
     #[serde(skip)]
-    offered: &'static [u32],
+    offered: Option<&'static [u32]>,
     now: u32,
     /// It is next, when the replies that wait have left.
     next: Option<u32>,
@@ -25,15 +25,24 @@ pub struct Baud {
 }
 
 impl Baud {
+    /// No rate yet, all zeros.
+    pub const NONE: Self = Self {
+        offered: None,
+        now: 0,
+        next: None,
+        unreadable: 0,
+        unreadable_us: 0,
+        has_changed: false,
+    };
+
     /// The rate after a start, on a link that offers these; one that offers none has none.
     pub const fn new(offered: &'static [u32]) -> Self {
-        let (next, unreadable, unreadable_us) = (None, 0, 0);
-        Self { offered, now: DEFAULT_BAUD, next, unreadable, unreadable_us, has_changed: false }
+        Self { offered: Some(offered), now: DEFAULT_BAUD, ..Self::NONE }
     }
 
     /// The rates that its port offers, which a snapshot leaves out.
     pub fn attach(&mut self, offered: &'static [u32]) {
-        self.offered = offered;
+        self.offered = Some(offered);
     }
 
     pub fn now(&self) -> u32 {
@@ -42,12 +51,13 @@ impl Baud {
 
     /// The host asks for a rate.
     pub fn ask(&mut self, baud: u32) -> Result<(), Error> {
-        if self.offered.is_empty() {
+        let offers = self.offered.unwrap_or_default();
+        if offers.is_empty() {
             return Err(Error::LinkHasNoBaud {});
         }
-        if !self.offered.contains(&baud) {
+        if !offers.contains(&baud) {
             let mut offered = [0; MAX_BITRATES];
-            offered.iter_mut().zip(self.offered).for_each(|(to, offer)| *to = *offer);
+            offered.iter_mut().zip(offers).for_each(|(to, offer)| *to = *offer);
             return Err(Error::BaudNotOffered { baud, offered });
         }
         self.next = Some(baud);

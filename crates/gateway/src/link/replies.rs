@@ -33,11 +33,13 @@ pub enum Reserved {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum State {
-    Executing,
+    Executing = 1,
     /// The reply is to be sent.
-    Waiting,
-    /// The reply was handed out and is kept for a repeated request.
-    Sent,
+    Waiting = 2,
+    /// The reply was handed out and is kept for a repeated request. 0: see [`Link::BLANK`].
+    ///
+    /// [`Link::BLANK`]: super::Link::BLANK
+    Sent = 0,
 }
 
 /// What tells a request from another. The checksum covers header and body.

@@ -188,7 +188,9 @@ impl Gateway {
                     axis.stand_down();
                 }
             });
-            self.outbox(now).answer(together.ticket, Ok(&Reply::StartTogether(replies::Done {})));
+            // Not within the call: there it would be a constant as large as the largest reply.
+            let reply = Reply::StartTogether(replies::Done {});
+            self.outbox(now).answer(together.ticket, Ok(&reply));
         }
     }
 
