@@ -171,8 +171,10 @@ impl Walk {
         assert_eq!(under_way.as_ref(), Some(operation), "the same run");
         if operation.word.is_none() {
             let next = self.operations.get(number + 1);
-            self.erased =
-                next.map(|next| self.after(&[operation.clone()], next)).into_iter().collect();
+            self.erased = next
+                .map(|next| self.after(std::slice::from_ref(operation), next))
+                .into_iter()
+                .collect();
         } else if number > 0 && self.operations[number - 1].word.is_none() {
             let now = FlashContents::of(&mut machine, &LAYOUT.areas.all());
             assert!(now == self.contents, "operation {number}: the flash is not as worked out");
