@@ -9,9 +9,11 @@
 mod branch;
 mod builder;
 mod core_thread;
+mod cut;
 mod flash;
 mod handles;
 mod hse;
+mod images;
 mod names;
 mod pins;
 mod plant;
@@ -23,8 +25,10 @@ mod rom;
 mod snapshot;
 
 pub use builder::{Builder, ImageError, image_path};
+pub use cut::{AfterCut, Cut, Expected, FlashContents};
 pub use flash::FlashOperation;
 pub use handles::{CanNode, CanPort, Line, UartPort};
+pub use images::ImageAreas;
 pub(crate) use names::mangled;
 pub use pins::PinProbe;
 pub use plant::{Fault, Place};

@@ -7,46 +7,85 @@
 use std::io::{PipeWriter, Read as _, Write as _};
 use std::time::Duration;
 
+use rigless::emulator::Host;
+use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
+use super::recorder::Recorder;
 use super::{Machine, nanos};
 use virtual_stm32::Chip;
+use virtual_stm32::socket::Socket;
+
+/// What a child does with its board.
+pub(super) trait Play: Send {
+    /// Where to stand still next.
+    fn next_stop(&self) -> VirtualNanos;
+
+    /// The board stands at that instant. What is known of it then ends the child.
+    fn stands(
+        &mut self,
+        session: &mut Session<Socket>,
+        host: &mut dyn Host,
+        recorder: &mut Recorder,
+        now: VirtualNanos,
+    ) -> Option<Vec<u8>>;
+
+    /// The core has done something that the recorder keeps.
+    fn noted(&mut self, _: &mut dyn Host, _: &Recorder) -> Option<Vec<u8>> {
+        None
+    }
+}
+
+/// A play, and where its report goes.
+pub(super) struct Script {
+    pub(super) play: Box<dyn Play>,
+    pub(super) to: PipeWriter,
+}
+
+impl Script {
+    /// Hands the report over, which is the end of the process.
+    pub(super) fn end(mut self, report: &[u8]) -> ! {
+        let length = u64::try_from(report.len()).unwrap_or_default().to_le_bytes();
+        // The parent complains if it misses something.
+        let _ = self.to.write_all(&length).and_then(|()| self.to.write_all(report));
+        // Safety: ends the process at once; nobody else lives in it whose destructors would have to
+        // run.
+        unsafe { libc::_exit(0) }
+    }
+}
 
 /// Something done to the part at an instant.
 type Act = Box<dyn FnOnce(&mut Chip, VirtualNanos) + Send>;
 /// What is to be known of it at the end.
 type Report = Box<dyn FnOnce(&mut Chip) -> Vec<u8> + Send>;
 
-/// What a child does with its board.
-pub(super) struct Script {
+/// One act and a report.
+struct ActAndReport {
     act: Option<(VirtualNanos, Act)>,
     end: VirtualNanos,
-    report: Report,
-    to: PipeWriter,
+    report: Option<Report>,
 }
 
-impl Script {
-    /// Where to stand still next.
-    pub(super) fn next_stop(&self) -> VirtualNanos {
+impl Play for ActAndReport {
+    fn next_stop(&self) -> VirtualNanos {
         self.act.as_ref().map_or(self.end, |(at, _)| *at)
     }
 
-    /// Does what is due with the part, which stands at that instant. At the end it is the end of
-    /// the process.
-    pub(super) fn play(mut self, part: &mut Chip, now: VirtualNanos) -> Self {
+    fn stands(
+        &mut self,
+        session: &mut Session<Socket>,
+        _: &mut dyn Host,
+        _: &mut Recorder,
+        now: VirtualNanos,
+    ) -> Option<Vec<u8>> {
+        let mut part = session.board_mut().lend();
         if let Some((_, act)) = self.act.take_if(|(at, _)| *at <= now) {
-            act(part, now);
+            act(&mut part, now);
         }
-        if now < self.end {
-            return self;
-        }
-        let report = (self.report)(part);
-        let length = u64::try_from(report.len()).unwrap_or_default().to_le_bytes();
-        // The parent complains if it misses something.
-        let _ = self.to.write_all(&length).and_then(|()| self.to.write_all(&report));
-        // Safety: ends the process at once; nobody else lives in it whose destructors would have to
-        // run.
-        unsafe { libc::_exit(0) }
+        let report = if now < self.end { None } else { self.report.take() };
+        let report = report.map(|report| report(&mut part));
+        session.board_mut().take_back(part);
+        report
     }
 }
 
@@ -83,14 +122,15 @@ impl Machine {
         report: impl FnOnce(&mut Chip) -> Vec<u8> + Send + 'static,
     ) -> Vec<u8> {
         let at = VirtualNanos(self.reached.0 + nanos(after));
-        let (mut from, to) = std::io::pipe().unwrap_or_else(|error| panic!("no pipe: {error}"));
         let end = VirtualNanos(at.0 + nanos(span));
-        let child = self.core.branch(Script {
-            act: Some((at, Box::new(act))),
-            end,
-            report: Box::new(report),
-            to,
-        });
+        let (act, report) = (Some((at, Box::new(act) as Act)), Some(Box::new(report) as Report));
+        self.play(Box::new(ActAndReport { act, end, report }))
+    }
+
+    /// Has a child play, and waits for its report.
+    pub(super) fn play(&mut self, play: Box<dyn Play>) -> Vec<u8> {
+        let (mut from, to) = std::io::pipe().unwrap_or_else(|error| panic!("no pipe: {error}"));
+        let child = self.core.branch(Script { play, to });
         let mut length = [0; 8];
         let mut bytes = Vec::new();
         let read = from.read_exact(&mut length).and_then(|()| {

@@ -70,7 +70,7 @@ pub struct Builder {
     image: Image,
     started_by_rom: bool,
     bootloader: bool,
-    symbols: Symbols,
+    pub(super) symbols: Symbols,
     names: Names,
     instructions_per_second: NonZeroU64,
 }

@@ -45,6 +45,8 @@ type Job = Box<dyn FnOnce(&mut Session<Socket>, &mut dyn Host, Stop, &mut Record
 enum Order {
     Do(Job),
     RunTo(VirtualNanos),
+    /// Run into the midst of the flash's operation of that number, at most to that instant.
+    RunIntoFlashOperation(usize, VirtualNanos),
     /// Let a forked process do that; its number is the answer.
     Branch(Script, Sender<libc::pid_t>),
     End,
@@ -94,6 +96,12 @@ impl CoreThread {
     /// Lets it run to an instant.
     pub fn run_to(&mut self, instant: VirtualNanos) {
         self.send(Order::RunTo(instant));
+        self.wait();
+    }
+
+    /// Lets it run into the midst of the flash's operation of that number, at most to an instant.
+    pub fn run_into_flash_operation(&mut self, number: usize, instant: VirtualNanos) {
+        self.send(Order::RunIntoFlashOperation(number, instant));
         self.wait();
     }
 
@@ -181,6 +189,7 @@ fn run(
         stops,
         recorder,
         target: VirtualNanos(0),
+        awaited: None,
         next_drain: Recorder::next_drain(from.map_or(VirtualNanos(0), Snapshot::at)),
         resets: session.resets().len(),
         script: None,
@@ -203,6 +212,8 @@ struct Rendezvous {
     recorder: Recorder,
     /// Where to stand still next.
     target: VirtualNanos,
+    /// The number of an operation of the flash that is waited for.
+    awaited: Option<usize>,
     /// When the log is drained next.
     next_drain: VirtualNanos,
     /// Resets seen so far.
@@ -250,6 +261,11 @@ impl Rendezvous {
                     self.target = instant;
                     return Some(self.next_stop());
                 }
+                Order::RunIntoFlashOperation(number, instant) => {
+                    (self.target, self.awaited) = (instant, Some(number));
+                    self.look_for_operation();
+                    return Some(self.next_stop());
+                }
                 Order::Branch(script, number) => match fork() {
                     Fork::Child => {
                         self.script = Some(script);
@@ -275,8 +291,34 @@ impl Rendezvous {
         }
     }
 
+    /// Where the operation has begun that is waited for, its midst is where to stand still.
+    fn look_for_operation(&mut self) -> bool {
+        let midst = self.awaited.and_then(|number| self.recorder.flash().midst_of(number));
+        if let Some(midst) = midst {
+            (self.target, self.awaited) = (midst.min(self.target), None);
+        }
+        midst.is_some()
+    }
+
+    /// A forked process hears of what was recorded.
+    fn tell_script(&mut self, host: &mut dyn Host) {
+        let report = match &mut self.script {
+            Some(script) => script.play.noted(host, &self.recorder),
+            None => None,
+        };
+        self.end_script(report);
+    }
+
+    /// The end of a forked process that has something to report.
+    fn end_script(&mut self, report: Option<Vec<u8>>) {
+        if let Some(report) = report {
+            self.script.take().expect("it has reported").end(&report);
+        }
+    }
+
     fn next_stop(&self) -> VirtualNanos {
-        self.next_drain.min(self.script.as_ref().map_or(self.target, Script::next_stop))
+        self.next_drain
+            .min(self.script.as_ref().map_or(self.target, |script| script.play.next_stop()))
     }
 }
 
@@ -291,8 +333,15 @@ impl Driver<Socket> for Rendezvous {
             Settled::Access { access, value } => {
                 self.recorder.access(&access, value, session.board().chip());
                 self.note_resets(session, host, access.virtual_time);
+                self.tell_script(host);
+                if self.look_for_operation() {
+                    session.run_until(self.next_stop());
+                }
             }
-            Settled::Hit(hit) => self.recorder.hit(hit, host),
+            Settled::Hit(hit) => {
+                self.recorder.hit(hit, host);
+                self.tell_script(host);
+            }
             Settled::Stop(stop) if self.begin == Begin::Snapshot => {
                 self.begin = Begin::Here;
                 // A machine that is dropped here must still run to its end: one stop.
@@ -324,15 +373,16 @@ impl Driver<Socket> for Rendezvous {
             self.next_drain = Recorder::next_drain(stop.at);
             self.recorder.drain(host);
         }
-        if let Some(script) = self.script.take_if(|script| stop.at >= script.next_stop()) {
-            let mut part = session.board_mut().lend();
-            self.script = Some(script.play(&mut part, stop.at));
-            session.board_mut().take_back(part);
-        }
-        if self.script.is_some() {
+        if let Some(script) = &mut self.script {
+            if stop.at >= script.play.next_stop() {
+                let report = script.play.stands(session, host, &mut self.recorder, stop.at);
+                self.end_script(report);
+                self.note_resets(session, host, stop.at);
+            }
             return Some(self.next_stop());
         }
         if stop.at >= self.target {
+            self.awaited = None;
             self.stand(session, host, stop)
         } else {
             Some(self.next_stop())

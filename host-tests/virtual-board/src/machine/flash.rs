@@ -4,11 +4,18 @@ use std::time::Duration;
 
 use rigless::emulator::{Access, AccessKind, Host};
 use rigless::soc::Width;
+use rigless::time::VirtualNanos;
 use serde::{Deserialize, Serialize};
 
-use super::Machine;
+use super::{Machine, nanos};
 use crate::board::Board;
 use crate::nodes::{instant, since_start};
+
+/// How long the supply is away.
+pub(super) const OFF: Duration = Duration::from_millis(100);
+
+/// An erasure at most.
+const ERASURE: Duration = Duration::from_secs(4);
 
 /// Something that the flash was told to do.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,12 +32,19 @@ pub struct FlashOperation {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct FlashLog {
     board: Board,
-    operations: Vec<FlashOperation>,
+    pub(super) operations: Vec<FlashOperation>,
 }
 
 impl FlashLog {
     pub(super) fn new(board: Board) -> Self {
         Self { board, operations: Vec::new() }
+    }
+
+    /// When the operation of that number, from 0 on, is half over; nothing where it has not begun.
+    pub(super) fn midst_of(&self, number: usize) -> Option<VirtualNanos> {
+        let operation = self.operations.get(number)?;
+        let half = self.board.flash.times[usize::from(operation.word.is_some())] / 2;
+        Some(instant(operation.at + half))
     }
 
     /// An access of the core.
@@ -68,7 +82,7 @@ impl FlashOperation {
     /// them. Every second seed leaves words of which the error-correcting code can make nothing: the
     /// firmware reads them as zeros, which the emulator, whose reads no model sees, has there
     /// instead.
-    fn tear(&self, page: usize, word: usize, seed: u64, host: &mut dyn Host) {
+    pub(super) fn tear(&self, page: usize, word: usize, seed: u64, host: &mut dyn Host) {
         let mut random = fastrand::Rng::with_seed(seed);
         let hidden = seed.is_multiple_of(2);
         let length = self.word.as_ref().map_or(page, Vec::len);
@@ -115,19 +129,37 @@ impl Machine {
         }
     }
 
+    /// Runs into the midst of the flash's operation of that number, of those since the board was
+    /// switched on first; which it is. Nothing where it does not begin in that time.
+    /// Panics if it is over.
+    pub fn run_into_flash_operation(
+        &mut self,
+        number: usize,
+        limit: Duration,
+    ) -> Option<FlashOperation> {
+        let end = VirtualNanos(self.reached.0.saturating_add(nanos(limit)));
+        self.core.run_into_flash_operation(number, end);
+        self.reached = self.reached.max(self.core.stop().at);
+        let (operation, midst, count) = self.core.order(move |_, _, _, recorder| {
+            let log = recorder.flash();
+            (log.operations.get(number).cloned(), log.midst_of(number), log.operations.len())
+        });
+        let half = self.board().flash.times[usize::from(operation.as_ref()?.word.is_some())] / 2;
+        let is_under_way = count == number + 1 && self.now() < since_start(midst?) + half;
+        assert!(is_under_way, "the operation is over");
+        operation
+    }
+
     /// Lets half of the time of the flash's last operation pass, cuts the board's supply in the
     /// middle of it, and gives it back after a while. The seed says what is left of the operation.
     /// Panics if that is over.
     pub fn cut_power_in_flash_operation(&mut self, seed: u64) {
-        let operation = self.flash_operations().pop().expect("the flash was told something");
+        let number = self.flash_operations().len() - 1;
+        let operation = self.run_into_flash_operation(number, ERASURE).expect("it has begun");
         let flash = self.board().flash;
-        let half = flash.times[usize::from(operation.word.is_some())] / 2;
-        let left = (operation.at + half).saturating_sub(self.now());
-        self.run_for(left);
-        assert!(self.now() < operation.at + 2 * half, "the operation is over");
         let at = instant(self.now());
         self.part_mut().supply(at, false);
-        self.run_for(Duration::from_millis(100));
+        self.run_for(OFF);
         self.core.order(move |_, host, _, recorder| {
             operation.tear(flash.page, flash.word, seed, host);
             recorder.power_up(host);

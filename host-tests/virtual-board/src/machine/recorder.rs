@@ -141,6 +141,11 @@ impl Recorder {
         std::mem::take(&mut self.hits)
     }
 
+    /// Whether there are any.
+    pub(super) fn has_hits(&self) -> bool {
+        !self.hits.is_empty()
+    }
+
     /// Of all accesses so far.
     pub fn digest(&self) -> u64 {
         self.digest

@@ -79,7 +79,11 @@ pub struct Lab {
 
 /// A board with everything on its ports, before it is switched on.
 pub fn wired(seed: u64) -> (Builder, Outside, [CanNode<Probe>; 2]) {
-    let mut board = Machine::builder();
+    wire(Machine::builder(), seed)
+}
+
+/// The same with a board that is to be another one than usual.
+pub fn wire(mut board: Builder, seed: u64) -> (Builder, Outside, [CanNode<Probe>; 2]) {
     let outside = Outside::four_motors(&mut board, seed);
     let probes =
         [CanPort::Bus0, CanPort::Bus1].map(|port| board.can_node(port, Probe::new(), None));
