@@ -499,7 +499,7 @@ impl Gateway {
             self.authority.heard(now, link);
             self.link_lost = false;
         } else if !has_session && !request.as_ref().is_ok_and(stops_each_time) {
-            request = Err(no_session());
+            request = Err(Error::NoSession {});
         }
         let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
         if let Some(slot) = slot {
