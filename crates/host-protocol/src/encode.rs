@@ -144,8 +144,10 @@ fn stuff_short(out: &mut [u8]) -> Option<()> {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
-    use crate::MAX_FRAME;
+    use crate::{Deframer, MAX_FRAME};
 
     #[test]
     fn ping_is_the_bytes_derived_by_hand() {
@@ -170,6 +172,24 @@ mod tests {
             encode(Kind::Request, 1, 2, &[[1u8; 31]; 17], &mut [0; 1024]),
             Err(EncodeError::TooLong)
         );
+    }
+
+    #[test]
+    fn what_is_written_is_read_wherever_its_zeros_are() {
+        for length in (0..20).chain(COBS_BLOCK - 20..COBS_BLOCK + 20).chain([MAX_BODY]) {
+            for step in [1, 2, 7, 253, 254, 255, MAX_BODY + 1] {
+                let body: std::vec::Vec<u8> =
+                    (1..=length).map(|at| if at % step == 0 { 0 } else { 0xA5 }).collect();
+                let mut frame = [0; MAX_FRAME];
+                let end = encode_body(Kind::Event, 0x0101, 0x0101, &body, &mut frame).unwrap();
+                let inside = &frame[1..end - 1];
+                assert!(!inside.contains(&DELIMITER), "{length} bytes, each {step} is zero");
+                let mut deframer = Deframer::new();
+                let mut bytes = &frame[..end];
+                let read = deframer.take(&mut bytes).unwrap().unwrap();
+                assert_eq!(read.body, body, "{length} bytes, each {step} is zero");
+            }
+        }
     }
 
     #[test]

@@ -218,6 +218,9 @@ pub fn run(file: &Path, around: Duration, out: Output) -> Result<(), Failure> {
     std::fs::File::open(file)
         .and_then(|file| file.take(MAX_FILE + 1).read_to_end(&mut bytes))
         .map_err(|source| Failure::File { path: path.clone(), source })?;
+    if bytes.is_empty() {
+        return Err(wrong("it is empty: nothing has tripped yet".to_owned()));
+    }
     if bytes.len() as u64 > MAX_FILE {
         return Err(wrong("it is longer than the memory of any flight recorder".to_owned()));
     }
@@ -264,7 +267,14 @@ pub fn run(file: &Path, around: Duration, out: Output) -> Result<(), Failure> {
         (None, _) => return Err(wrong("no trip was recorded".to_owned())),
     }
     match replayed.diverged_us {
-        _ if replayed.is_same() => out.text("the same"),
+        _ if replayed.is_same() => {
+            let after_us = to.saturating_sub(trip_at);
+            out.text(format!(
+                "the same trip; compared is this trip, and the state where a new half of the \
+                 memory begins. The recording ends {} ms after the trip",
+                after_us / 1000
+            ))
+        }
         Some(at) => {
             let at = words::seconds(at);
             Err(wrong(format!("at t={at} this core is in another state than was recorded")))

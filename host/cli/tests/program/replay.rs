@@ -39,7 +39,7 @@ fn what_led_to_a_trip_is_played_again_to_the_same_microsecond() {
     let kept = kept.to_str().unwrap();
 
     let text = mgw(&["replay", kept]).success();
-    assert!(text.ends_with("the same\n"), "{text}");
+    assert!(text.lines().last().unwrap().starts_with("the same trip; compared is"), "{text}");
     assert!(text.contains("axis 0 trips: emergency stop"), "{text}");
     let stop = text.lines().find(|line| line.contains("bus 0  > 0x141#81")).unwrap();
     assert!(stop.starts_with("t="), "{stop}");
@@ -67,7 +67,8 @@ fn what_is_no_recording_or_plays_otherwise_is_refused_by_name() {
         fs::write(&kept, bytes).unwrap();
         mgw(&["replay", kept.to_str().unwrap()]).failure(1)
     };
-    for bytes in [&b""[..], b"MGF", &[0; 1_000]] {
+    assert!(refused(b"").contains("it is empty: nothing has tripped yet"));
+    for bytes in [&b"MGF"[..], &[0; 1_000]] {
         assert!(refused(bytes).contains("no recording of a flight recorder"), "{}", refused(bytes));
     }
     let mut damaged = whole.clone();
@@ -92,8 +93,11 @@ fn what_is_no_recording_or_plays_otherwise_is_refused_by_name() {
 
 #[test]
 fn a_file_that_cannot_be_written_is_refused_before_anything_moves() {
-    for path in ["/dev/full", "/no/such/folder/trip.mgfr", "/tmp"] {
+    let notes = file("notes");
+    fs::write(&notes, "what nobody wants to lose").unwrap();
+    for path in ["/dev/full", "/no/such/folder/trip.mgfr", "/tmp", notes.to_str().unwrap()] {
         let text = mgw(&["sim", "--listen", "127.0.0.1:0", "--flight-recorder", path]).failure(2);
         assert!(text.contains(&format!("{path} cannot be the file")), "{text}");
     }
+    assert_eq!(fs::read_to_string(&notes).unwrap(), "what nobody wants to lose");
 }

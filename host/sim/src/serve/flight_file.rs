@@ -1,10 +1,10 @@
 //! The file that has what led to the latest trip.
 
-use std::fs::OpenOptions;
+use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use flight_recorder::Recording;
+use flight_recorder::{Recording, Unreadable};
 use gateway::Instant;
 use host_protocol::Trip;
 
@@ -20,19 +20,53 @@ pub struct FlightFile {
     has: Option<(u8, Trip)>,
     /// When it is to be written again.
     next: Option<Instant>,
+    /// It could not be written the last time.
+    failed: bool,
 }
 
 impl FlightFile {
-    /// A file with this path. What it has stays until a trip.
+    /// A file with this path: none yet, or a recording, which stays until a trip.
     ///
     /// # Errors
-    /// Where it is no regular file, or cannot be written.
+    /// Where it is another file, or none can be written there.
     pub fn new(path: &Path) -> io::Result<Self> {
-        if path.metadata().is_ok_and(|found| !found.is_file()) {
-            return Err(io::Error::other("no regular file"));
+        match std::fs::metadata(path) {
+            Ok(found) if !found.is_file() => return Err(io::Error::other("no regular file")),
+            Ok(_) => {
+                let before = std::fs::read(path)?;
+                if !before.is_empty() && Recording::read_file(&before) == Err(Unreadable::Nothing) {
+                    let why = "it is there and no recording; choose another name";
+                    return Err(io::Error::other(why));
+                }
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) => return Err(error),
         }
-        OpenOptions::new().append(true).create(true).open(path)?;
-        Ok(Self { path: path.to_owned(), has: None, next: None })
+        // A link is kept, and what it leads to is replaced.
+        let path = path.canonicalize().unwrap_or(path.to_owned());
+        let file = Self { path, has: None, next: None, failed: false };
+        std::fs::write(file.beside(), [])?;
+        std::fs::remove_file(file.beside())?;
+        Ok(file)
+    }
+
+    /// Where a new one is written, before it takes the place of the old one.
+    fn beside(&self) -> PathBuf {
+        let mut name = OsString::from(&self.path);
+        name.push(".new");
+        PathBuf::from(name)
+    }
+
+    /// Puts a whole recording in the place of the one before: whatever happens meanwhile, one of
+    /// both is there.
+    fn replace(&self, memory: &[u8]) -> io::Result<()> {
+        let beside = self.beside();
+        let replaced =
+            std::fs::write(&beside, memory).and_then(|()| std::fs::rename(&beside, &self.path));
+        if replaced.is_err() {
+            let _ = std::fs::remove_file(&beside);
+        }
+        replaced
     }
 
     /// Writes the file if there is something new for it.
@@ -54,14 +88,22 @@ impl FlightFile {
         let length = Recording::trim(&mut memory);
         memory.truncate(length);
         memory.extend(Recording::checksum(&memory));
-        let file = self.path.display();
-        match std::fs::write(&self.path, &memory) {
-            Ok(()) if is_new => {
-                let (axis, Trip { reason, .. }) = trip;
-                log(&format!("axis {axis} tripped ({reason}): what led to it is in {file}"));
+        let (file, (axis, Trip { reason, .. })) = (self.path.display(), trip);
+        let tripped = format!("axis {axis} tripped ({reason})");
+        let written = self.replace(&memory);
+        // Told once for each trip, and where it changes.
+        let is_news = is_new || self.failed != written.is_err();
+        self.failed = written.is_err();
+        let text = match written {
+            Ok(()) => format!("{tripped}: what led to it is in {file}"),
+            Err(error) => {
+                // It may go the next time, whether more is recorded or not.
+                self.next = Some(Instant::from_micros(now_us + REWRITE_US));
+                format!("{tripped}: what led to it cannot be written to {file}: {error}")
             }
-            Ok(()) => {}
-            Err(error) => log(&format!("{file} cannot be written: {error}")),
+        };
+        if is_news {
+            log(&text);
         }
     }
 }
