@@ -154,7 +154,12 @@ impl Gateway {
         self.remember_trips();
         self.supervise(now);
         match event {
-            Event::HostBytes { link, bytes } => self.host_bytes(now, link, bytes),
+            Event::HostBytes { link, mut bytes } => {
+                while !bytes.is_empty() {
+                    self.host_bytes(now, link, &mut bytes);
+                }
+                self.links.touch(link);
+            }
             Event::HostLineError { link } => {
                 if let Some(port) = self.links.get_mut(usize::from(link)) {
                     port.line_error(now.as_micros());
@@ -475,17 +480,10 @@ impl Gateway {
         axes.each(changed, |axis| axis.watch(!axis.is_watched()));
     }
 
-    fn host_bytes(&mut self, now: Instant, link: u8, mut bytes: &[u8]) {
-        while !bytes.is_empty() {
-            self.host_frame(now, link, &mut bytes);
-        }
-        self.links.touch(link);
-    }
-
     /// Takes `bytes` off their front, as far as the end of a frame or all, and executes the frame.
     /// Not inlined: the loop around it would work out beforehand what only some frames need.
     #[inline(never)]
-    fn host_frame(&mut self, now: Instant, link: u8, bytes: &mut &[u8]) {
+    fn host_bytes(&mut self, now: Instant, link: u8, bytes: &mut &[u8]) {
         let Some(port) = self.links.get_mut(usize::from(link)) else {
             *bytes = &[];
             return;
