@@ -1,7 +1,7 @@
-//! The calls to a core that change it.
+//! The calls to a core that change it, and what has come of them.
 
-use gateway::{Event, Gateway, Instant, Transmit};
-use host_protocol::MAX_FRAME;
+use gateway::{Event, Gateway, Instant, Set, Transmit};
+use host_protocol::{CHECKSUM, MAX_FRAME};
 use serde::{Deserialize, Serialize};
 
 /// A call to a core that changes it.
@@ -34,6 +34,37 @@ pub enum Call<'a> {
     TakeSave,
     /// [`Gateway::take_log`].
     TakeLog,
+    /// No call: what has come of those before, which is compared when they are made again.
+    Came(Outcome),
+}
+
+/// What has come of the calls so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// The axes that [move](Gateway::moving).
+    pub(crate) moving: Set,
+    /// The axes that [have tripped](Gateway::tripped).
+    pub(crate) tripped: Set,
+    /// A checksum of why and when.
+    trips: u32,
+}
+
+/// Axis, reason and time of a trip take no more bytes.
+const TRIP_BYTES: usize = 64;
+
+impl Outcome {
+    /// Of the calls to this core.
+    pub(crate) fn of(core: &Gateway) -> Self {
+        let tripped = core.tripped();
+        let mut digest = CHECKSUM.digest();
+        for axis in tripped.into_iter().filter_map(|axis| u8::try_from(axis).ok()) {
+            // What its stop makes of it comes later.
+            let why = core.trip(axis).map(|trip| (axis, trip.reason, trip.time_us));
+            let mut bytes = [0; TRIP_BYTES];
+            digest.update(postcard::to_slice(&why, &mut bytes).map_or(&[], |bytes| bytes));
+        }
+        Self { moving: core.moving(), tripped, trips: digest.finalize() }
+    }
 }
 
 impl Call<'_> {
@@ -51,7 +82,16 @@ impl Call<'_> {
             Self::SaveSome => _ = core.save_some(store),
             Self::TakeSave => _ = core.take_save(),
             Self::TakeLog => _ = core.take_log(),
+            Self::Came(_) => {}
         }
         None
+    }
+
+    /// Whether what is said to have come of the calls before is so.
+    pub(crate) fn is_true(&self, core: &Gateway) -> bool {
+        match self {
+            Self::Came(outcome) => *outcome == Outcome::of(core),
+            _ => true,
+        }
     }
 }

@@ -1,8 +1,7 @@
 //! Where everything lies in the memory.
 
-use crc::{CRC_32_ISCSI, Crc};
 use gateway::Instant;
-use host_protocol::Trip;
+use host_protocol::{CHECKSUM, Trip};
 
 /// Bytes before the halves, for the trip.
 const TRIP_AREA: usize = 128;
@@ -15,8 +14,6 @@ const HEAD: usize = 4 + 8 + 4 + 4 + 4 + 4;
 /// Where in the head the length of the calls stands: it changes with each call, and the checksum
 /// leaves it out.
 const CALLS_AT: usize = 20;
-
-static CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// What the head of a half says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

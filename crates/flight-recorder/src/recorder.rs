@@ -1,7 +1,7 @@
 //! Keeps what leads to a trip.
 
 use crate::board::RecordedBoard;
-use crate::call::Call;
+use crate::call::{Call, Outcome};
 use crate::memory::{self, Head};
 use gateway::{Gateway, Instant, Set};
 use host_protocol::{Trip, TripReason};
@@ -23,9 +23,8 @@ pub struct Recorder<M> {
     last: Instant,
     /// What was asked since anything changed: another time it changes nothing.
     asked: Asked,
-    /// The axes that were not at rest at the last look.
-    moving: Set,
-    tripped: Set,
+    /// What was seen at the last look.
+    outcome: Option<Outcome>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -92,8 +91,7 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
             calls_at: 0,
             last: Instant::from_micros(0),
             asked: Asked::default(),
-            moving: Set::NONE,
-            tripped: Set::NONE,
+            outcome: None,
         }
     }
 
@@ -118,11 +116,22 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
             self.state = State::Waits;
             return;
         }
-        self.number = self.number.wrapping_add(1);
-        self.half = 1 - self.half;
-        if !self.begin(core, now) || !self.add(now, call) {
+        if !self.begin_other_half(core, now) || !self.add(now, call) {
             self.state = State::Waits;
         }
+    }
+
+    /// Goes on in the other half; whether a snapshot fits there.
+    fn begin_other_half(&mut self, core: &mut Gateway, now: Instant) -> bool {
+        self.number = self.number.wrapping_add(1);
+        self.half = 1 - self.half;
+        self.begin(core, now)
+    }
+
+    /// Whether most of the half is taken.
+    fn is_nearly_full(&self) -> bool {
+        let room = memory::contents(memory::half(self.memory.as_ref(), self.half)).len();
+        self.at > room - room / 4
     }
 
     /// `poll_host` gave something: another time it may give more.
@@ -132,10 +141,15 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
 
     /// Looks at what has come of an event.
     pub fn watch(&mut self, core: &mut Gateway, now: Instant) {
-        let (moving, tripped) = (core.moving(), core.tripped());
-        let newly_armed = !moving.without(self.moving).is_empty();
-        let new_trip = new_trip(core, tripped.without(self.tripped));
-        (self.moving, self.tripped) = (moving, tripped);
+        let outcome = Outcome::of(core);
+        let Outcome { moving, tripped, .. } = outcome;
+        let (moved, had_tripped) =
+            self.outcome.map_or((Set::NONE, Set::NONE), |seen| (seen.moving, seen.tripped));
+        let newly_armed = !moving.without(moved).is_empty();
+        let new_trip = new_trip(core, tripped.without(had_tripped));
+        if self.outcome.replace(outcome) != Some(outcome) {
+            self.note(core, now, &Call::Came(outcome));
+        }
         match self.state {
             State::Waits if newly_armed => {
                 memory::put_trip(self.memory.as_mut(), None);
@@ -152,6 +166,10 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
             State::Records if new_trip.is_some() => {
                 memory::put_trip(self.memory.as_mut(), new_trip);
                 self.state = State::Ends;
+                // The stop is to be in it.
+                if self.is_nearly_full() && !self.begin_other_half(core, now) {
+                    self.state = State::Waits;
+                }
             }
             State::Records if moving.is_empty() => self.state = State::Waits,
             _ => {}

@@ -25,7 +25,8 @@ pub struct Step<'a> {
     pub transmit: Option<Transmit>,
 }
 
-/// The core is not in the state that was recorded at the end of the first half.
+/// The core is not in the state that was recorded: which axes move or have tripped, or all of it at
+/// the end of the first half.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Diverged {
     /// When that was recorded, in the gateway's own time.
@@ -70,6 +71,9 @@ impl<'a> Replay<'a> {
     pub fn step(&mut self) -> Option<Result<Step<'a>, Diverged>> {
         loop {
             if let Some((at, call)) = self.calls.next() {
+                if !call.is_true(&self.core) {
+                    return Some(Err(Diverged { at }));
+                }
                 let transmit = call.make(&mut self.core, at);
                 return Some(Ok(Step { at, call, transmit }));
             }

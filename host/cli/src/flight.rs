@@ -269,11 +269,7 @@ pub fn run(file: &Path, around: Duration, out: Output) -> Result<(), Failure> {
     match replayed.diverged_us {
         _ if replayed.is_same() => {
             let after_us = to.saturating_sub(trip_at);
-            out.text(format!(
-                "the same trip; compared is this trip, and the state where a new half of the \
-                 memory begins. The recording ends {} ms after the trip",
-                after_us / 1000
-            ))
+            out.text(format!("the same; the recording ends {} ms after the trip", after_us / 1000))
         }
         Some(at) => {
             let at = words::seconds(at);

@@ -39,7 +39,7 @@ fn what_led_to_a_trip_is_played_again_to_the_same_microsecond() {
     let kept = kept.to_str().unwrap();
 
     let text = mgw(&["replay", kept]).success();
-    assert!(text.lines().last().unwrap().starts_with("the same trip; compared is"), "{text}");
+    assert!(text.lines().last().unwrap().starts_with("the same; the recording ends "), "{text}");
     assert!(text.contains("axis 0 trips: emergency stop"), "{text}");
     let stop = text.lines().find(|line| line.contains("bus 0  > 0x141#81")).unwrap();
     assert!(stop.starts_with("t="), "{stop}");
