@@ -13,7 +13,8 @@
 typedef enum {
   // It is done.
   MGW_RESULT_OK = 0,
-  // The gateway refused it, or could not do it: `mgw_error_number` has the number of PROTOCOL.md.
+  // The gateway refused it, or could not do it: `mgw_error_number` has the number of
+  // PROTOCOL.md.
   MGW_RESULT_REFUSED = 1,
   // No answer came in time. Whether it was done is not known.
   MGW_RESULT_NO_ANSWER = 2,
@@ -233,7 +234,8 @@ mgw_result mgw_arm(mgw_gateway *gateway, const uint8_t *axes, size_t count, uint
 // `gateway` is an open handle that no other thread uses.
 mgw_result mgw_disarm(mgw_gateway *gateway, uint8_t axis);
 
-// Gives one armed axis a setpoint that lives `ttl_us` µs: without another the gateway stops it then.
+// Gives one armed axis a setpoint that lives `ttl_us` µs: without another the gateway stops it
+// then.
 //
 // # Safety
 // `gateway` is an open handle that no other thread uses; `setpoint` is one.
@@ -242,10 +244,10 @@ mgw_result mgw_set(mgw_gateway *gateway,
                    const mgw_setpoint *setpoint,
                    uint32_t ttl_us);
 
-// Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and waits
-// until every motor has answered or its own time is over. Where `states` is not null, the state of
-// each is written there, in the order of the setpoints; `count` of them must fit. Call it again before
-// the setpoints expire.
+// Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and
+// waits until every motor has answered or its own time is over. Where `states` is not null, the
+// state of each is written there, in the order of the setpoints; `count` of them must fit. Call it
+// again before the setpoints expire.
 //
 // # Safety
 // `gateway` is an open handle that no other thread uses; `setpoints` is the first of `count`;
@@ -299,24 +301,24 @@ mgw_result mgw_clear_gateway(mgw_gateway *gateway);
 // `gateway` is an open handle that no other thread uses.
 mgw_result mgw_output_off(mgw_gateway *gateway, uint8_t axis);
 
-// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is a
-// serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null: the running `mgw serve` of this
-// user.
+// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is
+// a serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null: the running `mgw serve` of
+// this user.
 //
 // # Safety
 // `port` is null or a text with a zero behind it; `gateway` is a place for a pointer.
-mgw_result mgw_connect(const char *port,
-                       mgw_gateway **gateway);
+mgw_result mgw_connect(const char *port, mgw_gateway **gateway);
 
 // Stops what was armed over this handle and disconnects. The handle is gone whatever comes back;
 // null does nothing.
 //
 // # Safety
-// `gateway` is null or a handle of `mgw_connect` that was not closed and that no other thread uses.
+// `gateway` is null or a handle of `mgw_connect` that was not closed and that no other thread
+// uses.
 mgw_result mgw_close(mgw_gateway *gateway);
 
-// Keeps the right to command while nothing else is asked: the gateway takes it away, and trips what
-// is armed, when it has not heard this host for 200 ms unless configured otherwise.
+// Keeps the right to command while nothing else is asked: the gateway takes it away, and trips
+// what is armed, when it has not heard this host for 200 ms unless configured otherwise.
 //
 // # Safety
 // `gateway` is an open handle that no other thread uses.
@@ -328,16 +330,17 @@ mgw_result mgw_keep_alive(mgw_gateway *gateway);
 // `gateway` is null or an open handle that no other thread uses.
 uint64_t mgw_time_us(const mgw_gateway *gateway);
 
-// What was wrong with the last call of this thread that failed, and what to do, as UTF-8. It is valid
-// until the next call of this thread that fails; empty before the first.
+// What was wrong with the last call of this thread that failed, and what to do, as UTF-8. It is
+// valid until the next call of this thread that fails; empty before the first.
 const char *mgw_error_text(void);
 
-// The number of the gateway's error behind the last call of this thread that failed, as PROTOCOL.md
-// lists them; 0 where it was none.
+// The number of the gateway's error behind the last call of this thread that failed, as
+// PROTOCOL.md lists them; 0 where it was none.
 uint16_t mgw_error_number(void);
 
 // Waits at most `timeout_us` µs for the next event and writes it to `event`: of kind
-// `MGW_EVENT_KIND_NONE` where none came. It sends nothing: what is armed needs setpoints meanwhile.
+// `MGW_EVENT_KIND_NONE` where none came. It sends nothing: what is armed needs setpoints
+// meanwhile.
 //
 // # Safety
 // `gateway` is an open handle that no other thread uses; `event` is null or a place for one.
