@@ -40,6 +40,8 @@ global_asm!(
     "subs r2, #1",
     "bne 3b",
     "4: pop {{r4, r5, r6, pc}}",
+    ".size __aeabi_memcpy4, . - __aeabi_memcpy4",
+    ".size __aeabi_memcpy8, . - __aeabi_memcpy8",
 );
 
 // The same with ends that need not be aligned: single loads and stores may be so on these
@@ -64,4 +66,5 @@ global_asm!(
     "ldrbmi r3, [r1]",
     "strbmi r3, [r0]",
     "bx lr",
+    ".size __aeabi_memcpy, . - __aeabi_memcpy",
 );
