@@ -30,7 +30,16 @@ const REASONS: [&str; 13] = [
 
 /// Where the halves of a memory begin, and where each says how many bytes of calls it has.
 const HALVES_AT: usize = 128;
+const BOARD_AT: usize = 12;
+const SNAPSHOT_AT: usize = 16;
 const CALLS_AT: usize = 20;
+/// Bytes of the head of a half.
+const HEAD: usize = 28;
+
+/// The number at a place of a memory.
+fn number(memory: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(memory[at..at + 4].try_into().unwrap())
+}
 
 fn text(name: &str) -> String {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenarios/{name}.txt"));
@@ -51,7 +60,7 @@ fn reason(reason: &TripReason) -> String {
 }
 
 fn again(memory: &[u8]) -> Replayed {
-    play(&Recording::read(memory).unwrap(), |_, _| {}).unwrap()
+    trips(memory).0
 }
 
 /// What led to the trip of a motor that does not tell its faults: one half, with room in it.
@@ -64,11 +73,10 @@ fn short() -> Vec<u8> {
 fn cut(memory: &[u8]) -> Vec<u8> {
     let mut cut = memory.to_vec();
     let halves = [HALVES_AT, HALVES_AT + (memory.len() - HALVES_AT) / 2];
-    let number = |at: usize| u32::from_le_bytes(memory[at..at + 4].try_into().unwrap());
-    let first = if number(halves[1]) == 1 + number(halves[0]) { 0 } else { 1 };
-    let place = &mut cut[halves[first] + CALLS_AT..][..4];
-    let calls = u32::from_le_bytes((&*place).try_into().unwrap());
-    place.copy_from_slice(&(calls / 2).to_le_bytes());
+    let [one, other] = halves.map(|half| number(memory, half));
+    let calls_at = CALLS_AT + if other == 1 + one { halves[0] } else { halves[1] };
+    let calls = number(memory, calls_at) / 2;
+    cut[calls_at..][..4].copy_from_slice(&calls.to_le_bytes());
     cut
 }
 
@@ -119,9 +127,9 @@ fn no_axis_trips_otherwise_and_is_told_as_the_same() {
     });
     let (memory, recorded) = found.expect("a scenario of several trips");
     // One bit of what led to it is another one, as if a core did otherwise.
-    let number = |at: usize| u32::from_le_bytes(memory[at..at + 4].try_into().unwrap()) as usize;
-    let begin = HALVES_AT + 28 + number(HALVES_AT + 12) + number(HALVES_AT + 16);
-    let end = begin + number(HALVES_AT + CALLS_AT);
+    let length = |at| number(&memory, HALVES_AT + at) as usize;
+    let begin = HALVES_AT + HEAD + length(BOARD_AT) + length(SNAPSHOT_AT);
+    let end = begin + length(CALLS_AT);
     let mut otherwise = 0;
     for at in (begin..end).step_by((end - begin) / 600 + 1) {
         let mut changed = memory.clone();

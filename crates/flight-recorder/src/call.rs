@@ -57,9 +57,9 @@ impl Outcome {
     pub(crate) fn of(core: &Gateway) -> Self {
         let tripped = core.tripped();
         let mut digest = CHECKSUM.digest();
-        for axis in tripped.into_iter().filter_map(|axis| u8::try_from(axis).ok()) {
+        for (axis, trip) in core.trips(tripped) {
             // What its stop makes of it comes later.
-            let why = core.trip(axis).map(|trip| (axis, trip.reason, trip.time_us));
+            let why = (axis, trip.reason, trip.time_us);
             let mut bytes = [0; TRIP_BYTES];
             digest.update(postcard::to_slice(&why, &mut bytes).map_or(&[], |bytes| bytes));
         }

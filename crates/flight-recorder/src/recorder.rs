@@ -70,11 +70,7 @@ enum State {
 
 /// The trip of one of these axes: of one that did not trip because another did.
 fn new_trip(core: &Gateway, axes: Set) -> Option<(u8, Trip)> {
-    let trips = axes.into_iter().filter_map(|axis| {
-        let axis = u8::try_from(axis).ok()?;
-        Some((axis, core.trip(axis)?))
-    });
-    trips.min_by_key(|(_, trip)| matches!(trip.reason, TripReason::Group { .. }))
+    core.trips(axes).min_by_key(|(_, trip)| matches!(trip.reason, TripReason::Group { .. }))
 }
 
 impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {

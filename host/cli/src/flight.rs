@@ -129,12 +129,7 @@ pub fn play(
             tell(at, format!("bus {bus}  > {}", frame_text(&transmit.frame)));
         }
         let now_tripped = replay.core().tripped();
-        for axis in now_tripped.without(tripped) {
-            let Some((axis, trip)) =
-                u8::try_from(axis).ok().and_then(|axis| Some((axis, replay.core().trip(axis)?)))
-            else {
-                continue;
-            };
+        for (axis, trip) in replay.core().trips(now_tripped.without(tripped)) {
             tell(trip.time_us, format!("axis {axis} trips: {}", trip.reason));
             if recording.trip.is_some_and(|(recorded, _)| recorded == axis) {
                 // One that was cleared may come before it.

@@ -72,10 +72,9 @@ impl Gateway {
         self.axes.which(Is::Tripped)
     }
 
-    /// The trip of an axis that has tripped.
-    #[must_use]
-    pub fn trip(&self, axis: u8) -> Option<Trip> {
-        self.axis(axis).ok()?.tripped()
+    /// The trips of those of these axes that have tripped.
+    pub fn trips(&self, axes: Set) -> impl Iterator<Item = (u8, Trip)> {
+        self.axes.of(axes).filter_map(|axis| Some((axis.index, axis.tripped()?)))
     }
 
     /// The board that it runs on.

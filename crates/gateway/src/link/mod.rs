@@ -48,33 +48,17 @@ pub struct Link {
     baud: Baud,
 }
 
-impl Default for Link {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Link {
     /// A link that has not been told its rates yet. All its 5 KB are zeros: so the firmware fills
     /// its place, and its image holds no copy of it.
-    pub(crate) const BLANK: Self = Self::at(Baud::NONE);
-
-    /// A link on which nothing has happened.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self::at(Baud::new(&[]))
-    }
-
-    const fn at(baud: Baud) -> Self {
-        Self {
-            deframer: Deframer::new(),
-            replies: Replies::new(),
-            events: Events::new(),
-            last_valid_us: None,
-            subscription: None,
-            baud,
-        }
-    }
+    pub(crate) const BLANK: Self = Self {
+        deframer: Deframer::new(),
+        replies: Replies::new(),
+        events: Events::new(),
+        last_valid_us: None,
+        subscription: None,
+        baud: Baud::NONE,
+    };
 
     /// The rates that its port offers.
     pub(crate) fn offer(&mut self, bauds: &'static [u32]) {

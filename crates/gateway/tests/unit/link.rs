@@ -31,7 +31,9 @@ struct Port {
 
 impl Port {
     fn new() -> Self {
-        Self { link: Link::new(), ring: Ring::new() }
+        let mut link = Link::BLANK;
+        link.offer(&[]);
+        Self { link, ring: Ring::new() }
     }
 
     fn event(&mut self, now_us: u64, event: &Event) {
