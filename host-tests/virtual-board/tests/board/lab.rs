@@ -64,9 +64,7 @@ pub const SEED: u64 = 1;
 static CONFIGURED: LazyLock<Snapshot> = LazyLock::new(|| {
     let mut lab = Lab::power_on(SEED);
     lab.configure();
-    lab.client.release_authority().expect("released");
-    let mut machine = lab.machine.borrow_mut();
-    machine.snapshot()
+    lab.into_snapshot()
 });
 
 /// The board, what hangs on it, and a client on host link 0.
@@ -99,8 +97,20 @@ impl Lab {
 
     /// A board whose buses and axes are configured.
     pub fn configured() -> Self {
+        Self::resume(&CONFIGURED)
+    }
+
+    /// The board as it stands, nobody in command.
+    pub fn into_snapshot(mut self) -> Snapshot {
+        self.client.release_authority().expect("released");
+        let mut machine = self.machine.borrow_mut();
+        machine.snapshot()
+    }
+
+    /// A board as it stood.
+    pub fn resume(snapshot: &Snapshot) -> Self {
         let (board, outside, probes) = wired(SEED);
-        Self::around(board.resume(&CONFIGURED), outside, probes)
+        Self::around(board.resume(snapshot), outside, probes)
     }
 
     /// Says hello to a board on host link 0.

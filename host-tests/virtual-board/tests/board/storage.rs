@@ -12,7 +12,7 @@ use host_protocol::{
 use virtual_board::board::Board;
 use virtual_board::machine::{FlashOperation, Snapshot};
 
-use crate::lab::{AXES, D5, Lab, SEED, wired};
+use crate::lab::{AXES, D5, Lab};
 
 const OFF: Duration = Duration::from_millis(100);
 /// For every first stop to be confirmed.
@@ -133,14 +133,11 @@ static STORED: LazyLock<Snapshot> = LazyLock::new(|| {
     lab.save();
     lab.save();
     lab.client.configure_axis(D5, PARAMETER, NEW).expect("another limit");
-    lab.client.release_authority().expect("released");
-    let mut machine = lab.machine.borrow_mut();
-    machine.snapshot()
+    lab.into_snapshot()
 });
 
 fn stored() -> Lab {
-    let (board, outside, probes) = wired(SEED);
-    let mut lab = Lab::around(board.resume(&STORED), outside, probes);
+    let mut lab = Lab::resume(&STORED);
     lab.client.take_authority().expect("in command");
     lab
 }

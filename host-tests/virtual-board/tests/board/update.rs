@@ -120,14 +120,11 @@ static WRITTEN: LazyLock<Snapshot> = LazyLock::new(|| {
     let mut lab = lab();
     let image = new_image(&mut lab.machine.borrow_mut());
     lab.write(&image);
-    lab.client.release_authority().expect("released");
-    let mut machine = lab.machine.borrow_mut();
-    machine.snapshot()
+    lab.into_snapshot()
 });
 
 fn written() -> Lab {
-    let (board, outside, probes) = wired(SEED);
-    let mut lab = Lab::around(board.resume(&WRITTEN), outside, probes);
+    let mut lab = Lab::resume(&WRITTEN);
     lab.client.take_authority().expect("in command");
     lab
 }
@@ -136,14 +133,11 @@ fn written() -> Lab {
 static ON_TRIAL: LazyLock<Snapshot> = LazyLock::new(|| {
     let mut lab = written();
     lab.exchange();
-    lab.client.release_authority().expect("released");
-    let mut machine = lab.machine.borrow_mut();
-    machine.snapshot()
+    lab.into_snapshot()
 });
 
 fn on_trial() -> Lab {
-    let (board, outside, probes) = wired(SEED);
-    let mut lab = Lab::around(board.resume(&ON_TRIAL), outside, probes);
+    let mut lab = Lab::resume(&ON_TRIAL);
     lab.client.take_authority().expect("in command");
     lab
 }
