@@ -1,5 +1,6 @@
 //! The gateway as one object: events in, frames out.
 
+mod e_stop;
 mod image;
 mod names;
 mod pins;
@@ -46,6 +47,8 @@ pub struct Gateway {
     pub(crate) epoch: Option<u32>,
     /// Latched by an e-stop: nothing is armed until it is cleared.
     pub(crate) e_stopped: bool,
+    /// Axes that the e-stop of the latest event has still to reach.
+    pub(crate) unstopped: Set,
     pub(crate) e_stop_input_open: bool,
     /// The level of the enable output, as the hosts know it.
     pub(crate) enabled: bool,
@@ -72,6 +75,9 @@ pub struct Gateway {
     pub(crate) unwatched_buses: Set,
     /// Buses that may have changed since that was last told.
     pub(crate) changed_buses: Set,
+    /// Buses that hold a stop beside other frames, and have not been asked since what of these must
+    /// come back.
+    pub(crate) crowded_buses: Set,
     /// Buses whose frames have changed axes that are not settled yet: who polls them knows.
     pub(crate) served_buses: Set,
 }
@@ -98,6 +104,7 @@ impl Gateway {
             authority: Authority::new(),
             epoch: seed,
             e_stopped: false,
+            unstopped: Set::NONE,
             // Until it has been read it may be anything.
             e_stop_input_open: board.e_stop_input,
             enabled: true,
@@ -117,6 +124,7 @@ impl Gateway {
             touched_buses: Set::NONE,
             unwatched_buses: Set::NONE,
             changed_buses: Set::NONE,
+            crowded_buses: Set::NONE,
             served_buses: Set::NONE,
         }
     }
@@ -150,8 +158,9 @@ impl Gateway {
     /// [next deadline](Self::next_deadline).
     pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) -> Changes {
         let now = now.max(self.now);
-        self.now = now;
+        let before = core::mem::replace(&mut self.now, now);
         self.remember_trips();
+        self.finish_e_stop(before);
         self.supervise(now);
         match event {
             Event::HostBytes { link, mut bytes } => {
@@ -202,11 +211,13 @@ impl Gateway {
             Event::Tick => {}
         }
         self.settle(now);
-        self.spread_trips(now);
-        self.go_on_together(now);
-        self.go_on_arming(now);
-        self.go_on_cycle(now);
-        self.go_on_running(now);
+        if self.unstopped.is_empty() {
+            self.spread_trips(now);
+            self.go_on_together(now);
+            self.go_on_arming(now);
+            self.go_on_cycle(now);
+            self.go_on_running(now);
+        }
         self.close_barred_raw(now);
         self.settle(now);
         self.watch_enable_output(now);
@@ -269,7 +280,8 @@ impl Gateway {
         let history = !self.retention.is_complete();
         let save = self.stored.is_due();
         let restart = self.image.restarts(self.now) && !self.stored.is_saving();
-        Changes { buses: self.changed_buses.take(), links, log, history, save, restart }
+        let buses = self.changed_buses.take().with(self.crowded_buses);
+        Changes { buses, links, log, history, save, restart }
     }
 
     /// Records new trips in the history, one call later: the stop frames go first.
@@ -301,10 +313,14 @@ impl Gateway {
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = now.max(self.now);
+        self.begin_e_stop(bus);
         self.settle_served(now);
         let Self { buses, axes, links, .. } = self;
         let polled = buses.get_mut(usize::from(bus))?;
         let transmit = polled.poll_transmit(now, axes, &mut Outbox::new(now, links));
+        if transmit.as_ref().is_some_and(|transmit| polled.is_crowded(transmit.slot)) {
+            self.crowded_buses.add(Set::of(bus));
+        }
         self.has_polled(bus, transmit.is_some());
         transmit
     }
@@ -333,8 +349,10 @@ impl Gateway {
     /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = now.max(self.now);
+        self.begin_e_stop(bus);
         self.settle_served(now);
         let slot = self.with_bus(now, bus, |bus, axes, _| bus.poll_cancel(now, axes))?;
+        self.crowded_buses.put(Set::of(bus), slot.is_some());
         self.has_polled(bus, slot.is_some());
         slot
     }
@@ -387,12 +405,16 @@ impl Gateway {
     /// holding where the motor must hear something for it.
     pub fn all_at_rest(&self) -> bool {
         let rests = |axis: &Axis| !axis.is_configured() || axis.is_idle_or_holding();
-        self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
+        self.unstopped.is_empty()
+            && self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
     }
 
     /// When `handle` must be called with [`Event::Tick`] if nothing else happens before: asked when
     /// what follows from an event has been sent, as it takes longer to find than that.
     pub fn next_deadline(&mut self) -> Option<Instant> {
+        if !self.unstopped.is_empty() {
+            return Some(self.now);
+        }
         self.settle(self.now);
         for bus in self.touched_buses.take() {
             if let Some(bus) = self.buses.get_mut(bus) {
@@ -443,7 +465,7 @@ impl Gateway {
         let mut out = Outbox::new(now, links);
         for (index, bus) in buses.iter_mut().enumerate() {
             let is_due = due.has(index) || bus.due() <= now;
-            let may_act = is_due || unwatched.has(index) && bus.may_expire(now, axes);
+            let may_act = is_due || unwatched.has(index) && bus.may_expire(now);
             let has_acted = may_act && bus.expire(now, axes, &mut out);
             due.put(Set::of(index), is_due || has_acted);
         }
@@ -501,6 +523,7 @@ impl Gateway {
         }
         let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
         if let Some(slot) = slot {
+            self.finish_e_stop(now);
             self.execute(now, Ticket { link, watches, slot }, &request);
         }
     }

@@ -25,6 +25,7 @@ impl Gateway {
             authority,
             epoch,
             e_stopped,
+            unstopped,
             e_stop_input_open,
             enabled,
             link_lost,
@@ -43,6 +44,7 @@ impl Gateway {
             // Functions of the others, or of who has asked since.
             touched_buses: _,
             unwatched_buses: _,
+            crowded_buses: _,
             served_buses: _,
             changed_buses: _,
         } = self;
@@ -61,7 +63,7 @@ impl Gateway {
         )?;
         write!(
             to,
-            "{epoch:?} {e_stopped} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}"
+            "{epoch:?} {e_stopped} {unstopped:?} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}"
         )
     }
 }

@@ -168,8 +168,8 @@ impl Bus {
     }
 
     /// Whether [`expire`](Self::expire) may find something, as of when it was settled.
-    pub fn may_expire(&self, now: Instant, axes: &Axes) -> bool {
-        self.due.expires <= now || !self.which(Is::Stopping, axes).is_empty()
+    pub fn may_expire(&self, now: Instant) -> bool {
+        self.due.expires <= now
     }
 
     /// Works out anew when the bus is due. `after`: what was due until then has been done.

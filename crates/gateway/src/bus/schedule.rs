@@ -173,6 +173,16 @@ impl Bus {
         self.in_flight.iter().flatten().any(|f| f.is_first_stop)
     }
 
+    /// Whether the frame in a slot is a stop that was handed over beside what may have to come
+    /// back: for it, or for the stop behind it.
+    pub fn is_crowded(&self, slot: u8) -> bool {
+        let mut held = (0u8..).zip(&self.in_flight).filter_map(|(at, f)| Some((at, f.as_ref()?)));
+        let handed = held.clone().find(|(at, f)| *at == slot && f.is_stop);
+        handed.is_some_and(|(_, stop)| {
+            held.any(|(at, f)| at != slot && (!f.is_first_stop || f.id > stop.id))
+        })
+    }
+
     fn stops(&self, now: Instant, axes: &Axes) -> Stops {
         if self.which(Is::Stopping, axes).is_empty() {
             return Stops::None;
@@ -234,7 +244,8 @@ impl Bus {
         }
         let (index, _) = self.choose(now, axes, Room::All)?;
         let axis = axes.get(index)?;
-        if has_room && self.may_go_beside_others(axis) {
+        let goes_alone = !self.may_go_beside_others(axis);
+        if has_room && !goes_alone {
             return None;
         }
         let id = protocol::stop_id(&axis.config);
@@ -245,6 +256,10 @@ impl Bus {
             true => f.id > id || !f.is_first_stop,
             false => f.id > id && !(f.is_first_stop && f.id == held),
         };
+        // Beside one that stays there is no room for it anyway.
+        if goes_alone && !self.in_flight.iter().flatten().all(loses) {
+            return None;
+        }
         let loser = |f: &&InFlight| f.cancel_by.is_none() && loses(f);
         (0u8..)
             .zip(&self.in_flight)

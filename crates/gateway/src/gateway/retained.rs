@@ -105,6 +105,11 @@ impl Retention {
         self.is_complete
     }
 
+    /// An axis has tripped between two events.
+    pub fn has_tripped(&mut self) {
+        self.is_complete = false;
+    }
+
     /// An axis has been configured or removed.
     pub fn axis_changed(&mut self, axis: u8) {
         self.axes.add(Set::of(axis));
@@ -258,7 +263,7 @@ impl Gateway {
         States {
             starts: self.starts,
             // What holds goes on holding: after a reset each axis is sent its stop action.
-            moving: which(Is::Moving).without(tripped),
+            moving: which(Is::Moving).with(self.unstopped).without(tripped),
             tripped,
             unreachable: which(Is::Unreachable).and(tripped),
             flags: if self.e_stopped { E_STOPPED } else { 0 },
@@ -400,7 +405,7 @@ impl Gateway {
     /// Whether an axis has still to see its first stop leave: after a start no host link is opened
     /// before, at most 100 ms.
     pub fn stops_under_way(&self) -> bool {
-        !self.axes.which(Is::FirstStop).is_empty()
+        !self.unstopped.is_empty() || !self.axes.which(Is::FirstStop).is_empty()
     }
 }
 

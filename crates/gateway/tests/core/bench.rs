@@ -199,7 +199,8 @@ pub fn answered(result: Result<Reply, Error>) -> String {
     }
 }
 
-fn axis_setpoint(rig: &Rig, axis: u8, epoch: u32, ttl_us: u64, setpoint: Setpoint) -> Request {
+/// A setpoint of any axis that lives `ttl_us` from now.
+pub fn axis_setpoint(rig: &Rig, axis: u8, epoch: u32, ttl_us: u64, setpoint: Setpoint) -> Request {
     let expires_at_us = expiry(rig, ttl_us);
     Request::Setpoint(requests::Setpoint { axis, epoch, expires_at_us, setpoint })
 }

@@ -222,6 +222,7 @@ fn a_stop_and_a_trip_in_mid_cycle_end_their_axes_part() {
         rig.run(1_500);
         assert_eq!(rig.answer(asked), None);
         rig.send(&stop);
+        rig.run(0);
         let [first, second, _] = results(rig.answer(asked).unwrap()).try_into().unwrap();
         assert_eq!((first, second), (CycleResult::Answered, CycleResult::Stopped));
     }

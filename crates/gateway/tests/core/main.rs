@@ -22,6 +22,7 @@ mod dead_bus;
 mod delayed_stops;
 mod delivery;
 mod dialects;
+mod e_stop;
 mod echo;
 mod fairness;
 mod foreign_load;

@@ -20,7 +20,7 @@ use crate::axis::{Axis, Is, JobKind, Restart};
 use crate::bus::Bus;
 use crate::gateway::{Gateway, unknown_bus};
 use crate::log::LogEntry;
-use crate::outbox::{Outbox, Ticket};
+use crate::outbox::Ticket;
 use crate::protocol::Exchange;
 use crate::rules;
 use crate::time::Instant;
@@ -454,34 +454,9 @@ impl Gateway {
                 self.with_axis(now, index, |axis, out| axis.halt(now, out))
             }
             StopTarget::All => {
-                self.stop_all(now);
+                self.stop_those(now, self.axes.which(Is::Configured));
                 Ok(())
             }
-        }
-    }
-
-    /// Stops every axis, also those at rest: something else may have set their motors in motion.
-    fn stop_all(&mut self, now: Instant) {
-        let Self { axes, buses, links, .. } = self;
-        let mut out = Outbox::new(now, links);
-        axes.each(axes.which(Is::Configured), |axis| {
-            // Where no bus carries it an axis at rest has no motor; on one that is off its stop
-            // waits until the bus is back.
-            let carried = !matches!(ready_bus(buses, axis), Err(Error::BusNotConfigured { .. }));
-            // What has begun to stop just now, as after an e-stop, is not asked again.
-            let has_just_begun = axis.stop().is_some_and(|stop| stop.since() == now);
-            if !has_just_begun && (!axis.is_idle_or_holding() || carried) {
-                axis.halt(now, &mut out);
-            }
-        });
-    }
-
-    pub(crate) fn e_stop(&mut self, now: Instant) {
-        self.each_axis(now, |axis, out| axis.trip(now, TripReason::EStop, out));
-        self.stop_all(now);
-        if !self.e_stopped {
-            self.e_stopped = true;
-            self.outbox(now).event(&Event::EStopLatched {});
         }
     }
 
@@ -558,7 +533,7 @@ impl Gateway {
 }
 
 /// Whether the bus of an axis runs.
-fn ready_bus(buses: &[Bus], axis: &Axis) -> Result<()> {
+pub(crate) fn ready_bus(buses: &[Bus], axis: &Axis) -> Result<()> {
     let Some(index) = axis.config.bus() else { return Ok(()) };
     let bus = buses.get(usize::from(index)).ok_or_else(|| unknown_bus(buses, index))?;
     if bus.config().is_none() {
