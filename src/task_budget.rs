@@ -24,13 +24,17 @@ pub enum Urgency {
     Deadline,
     /// RS485 buses.
     Bus,
-    /// What can demand a stop, hosts and the e-stop input, and what the next stop waits for: CAN
-    /// buses.
+    /// What can demand a stop: hosts and the e-stop input.
     Demand,
+    /// CAN buses: the next stop of several waits for the report of the one before.
+    Can,
 }
 
 /// Rounds that an urgent task may run without having to wait before it goes behind all others.
 const BUDGET: u8 = 4;
+/// Budgets of the CAN buses: behind each but the last only what can demand a stop goes before them.
+/// So the stops of an e-stop leave in time although floods leave no task anything to wait for.
+const CAN_BUDGETS: u8 = 16;
 
 /// The budget of an urgent task's loop: the rounds it has run without having to wait.
 pub struct TaskBudget {
@@ -86,10 +90,13 @@ impl TaskBudget {
 
     fn spend(&self) {
         let spent = self.spent.get() + 1;
-        let is_spent = spent >= BUDGET;
-        self.spent.set(if is_spent { 0 } else { spent });
-        if is_spent {
+        let budgets = if self.urgency == Urgency::Can { CAN_BUDGETS } else { 1 };
+        let is_last = spent == BUDGET * budgets;
+        self.spent.set(if is_last { 0 } else { spent });
+        if is_last {
             self.task.set_priority(Urgency::None as u8);
+        } else if spent.is_multiple_of(BUDGET) {
+            self.task.set_priority(Urgency::Demand as u8);
         }
     }
 }

@@ -12,9 +12,7 @@ const AT_ONCE: usize = 8;
 #[embassy_executor::task]
 pub async fn can(gateway: &'static SharedGateway) -> ! {
     let watch = Watch::new(TaskId::CAN);
-    // As urgent as a demand: the next stop of several waits for the report of the one before, which
-    // may be behind the events of a flood.
-    let budget = TaskBudget::new(Urgency::Demand).await;
+    let budget = TaskBudget::new(Urgency::Can).await;
     loop {
         budget.wait(watch.wait(fdcan::waiting())).await;
         if (0..AT_ONCE).all(|_| gateway.follow_can()) {

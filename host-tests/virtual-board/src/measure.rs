@@ -97,6 +97,7 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
         ("idle second, 8 idle axes", configured),
         ("setpoint in, CAN frame out", operations::setpoint(bench, &mut session)),
         ("stop in, CAN frame out", operations::stop(bench, &mut session)),
+        ("e-stop in, first CAN frame out", operations::e_stop(bench, &mut session)),
         ("CAN reply in, state out", operations::state(bench, &mut session)),
         ("round over 8 axes", operations::round(bench, &mut session)),
     ]

@@ -4,11 +4,11 @@
 use std::time::Duration;
 
 use host_protocol::requests::{
-    Arm, ConfigureAxis, ConfigureBus, ConfigureGateway, Hello, Ping, ProvisionMotorTimeout,
-    ReadState, ReleaseAuthority, Setpoint, Stop,
+    Arm, Clear, ConfigureAxis, ConfigureBus, ConfigureGateway, EStop, Hello, Ping,
+    ProvisionMotorTimeout, ReadState, ReleaseAuthority, Setpoint, Stop,
 };
 use host_protocol::{
-    AxisParameter, GatewayParameter, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply,
+    AxisParameter, ClearTarget, GatewayParameter, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply,
     Request, Setpoint as Target, StopAction, StopTarget, Value,
 };
 
@@ -30,6 +30,9 @@ const WINDOW: Duration = Duration::from_millis(20);
 const STEP: Duration = Duration::from_millis(40);
 /// Between the repetitions of a stop: arming, turning, stopping until the motor is seen to stand.
 const STOP_PERIOD: Duration = Duration::from_millis(300);
+/// How often all axes are stopped together: each time they are cleared, armed and set in motion
+/// again, one by one.
+const E_STOPS: u32 = 10;
 /// Until a motor that was stopped is seen to stand.
 const STOPPING: Duration = Duration::from_millis(200);
 /// When the board is asked for the first time.
@@ -280,6 +283,29 @@ pub(super) fn stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let spans = (0..PHASES).map(repeat).collect();
     session.free = first + STOP_PERIOD * PHASES;
     spans
+}
+
+/// An e-stop while all motors turn: from the last bit of the request to the first bit of the first
+/// stop on CAN.
+pub(super) fn e_stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
+    let repeat = |phase: u32| {
+        session.turn(bench, 0..AXES);
+        let begin = session.free + PHASE * phase;
+        session.free += STOPPING;
+        let exchange = bench.exchange(begin, session.free, &[EStop {}.into()]);
+        let asked = exchange.answers[0].asked;
+        let axes = (0..AXES).map(ClearTarget::Axis);
+        for target in [ClearTarget::Gateway].into_iter().chain(axes) {
+            session.ask(bench, Clear { target });
+        }
+        let is_stop = |record: &&FrameRecord| {
+            record.sender == Sender::Controller && record.frame.payload()[0] == STOP_COMMAND
+        };
+        let stops = exchange.frames.iter().flatten().filter(is_stop);
+        let first = stops.map(|record| since_start(record.start)).min();
+        Span { from: asked, to: first.expect("the motors are stopped") }
+    };
+    (0..E_STOPS).map(repeat).collect()
 }
 
 /// The state of a motor that turns: from the validity of the motor's last reply at the board to the
