@@ -251,6 +251,7 @@ impl SharedGateway {
         self.with(|parts, now| self.follow(parts, now, &event));
     }
 
+    #[inline(never)]
     fn follow(&self, parts: &mut Parts, now: Instant, event: &Event<'_>) {
         let changes = parts.storing(|core, store| core.handle(now, *event, store));
         self.hand_out(parts, now, changes);

@@ -144,9 +144,7 @@ impl Gateway {
                 break;
             }
         }
-        while !self.links.is_full() {
-            let _ = self.links.push(Link::BLANK);
-        }
+        self.links.init();
         for (index, link) in self.links.iter_mut().enumerate() {
             link.offer(self.board.links.get(index).map_or(&[], |port| port.bauds));
         }

@@ -62,8 +62,13 @@ impl Bus {
             return None;
         }
         let least = self.least_precedence(stops);
+        // Nothing else goes beside them there.
+        let candidates = match (stops, self.kind()) {
+            (Stops::First, BusKind::Can) => ready.and(self.which(Is::FirstStop, axes)),
+            _ => ready,
+        };
         let mut best: Option<(usize, Request, Precedence)> = None;
-        for index in ready.behind(self.last_served) {
+        for index in candidates.behind(self.last_served) {
             let Some(axis) = axes.get(index) else { continue };
             if !may_ordinary && axis.stop().is_none() && !axis.is_kept_holding() {
                 continue;

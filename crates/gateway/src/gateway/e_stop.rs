@@ -29,10 +29,15 @@ impl Gateway {
     }
 
     /// Has the e-stop reach the axis on a bus whose stop goes first.
+    #[inline(always)]
     pub(crate) fn begin_e_stop(&mut self, bus: u8) {
-        if self.unstopped.is_empty() {
-            return;
+        if !self.unstopped.is_empty() {
+            self.reach_first(bus);
         }
+    }
+
+    #[inline(never)]
+    fn reach_first(&mut self, bus: u8) {
         while self.axes.which_on(Is::FirstStop, bus).is_empty() {
             let here = self.axes.of(self.unstopped.and(self.axes.on(bus)));
             let Some(axis) = here.min_by_key(|axis| protocol::stop_id(&axis.config)) else {

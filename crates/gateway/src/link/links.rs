@@ -60,6 +60,14 @@ impl Links {
         }
     }
 
+    /// Makes all links, each where it stays.
+    #[inline(never)]
+    pub fn init(&mut self) {
+        while !self.links.is_full() {
+            let _ = self.links.push(Link::blank());
+        }
+    }
+
     /// When [`Link::tick`] is due for the first of them; [`Instant::NEVER`] where it is for none.
     pub fn due(&mut self) -> Instant {
         let due = self.due.unwrap_or_else(|| self.work_out_due());

@@ -49,16 +49,19 @@ pub struct Link {
 }
 
 impl Link {
-    /// A link that has not been told its rates yet. All its 5 KB are zeros: so the firmware fills
-    /// its place, and its image holds no copy of it.
-    pub(crate) const BLANK: Self = Self {
-        deframer: Deframer::new(),
-        replies: Replies::new(),
-        events: Events::new(),
-        last_valid_us: None,
-        subscription: None,
-        baud: Baud::NONE,
-    };
+    /// A link that has not been told its rates yet. All its 5 KB are zeros, and made where they
+    /// stay: a constant of them would be in the image.
+    #[inline(always)]
+    pub(crate) fn blank() -> Self {
+        Self {
+            deframer: Deframer::new(),
+            replies: Replies::new(),
+            events: Events::new(),
+            last_valid_us: None,
+            subscription: None,
+            baud: Baud::NONE,
+        }
+    }
 
     /// The rates that its port offers.
     pub(crate) fn offer(&mut self, bauds: &'static [u32]) {

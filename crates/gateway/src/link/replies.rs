@@ -36,9 +36,9 @@ enum State {
     Executing = 1,
     /// The reply is to be sent.
     Waiting = 2,
-    /// The reply was handed out and is kept for a repeated request. 0: see [`Link::BLANK`].
+    /// The reply was handed out and is kept for a repeated request. 0: see [`Link::blank`].
     ///
-    /// [`Link::BLANK`]: super::Link::BLANK
+    /// [`Link::blank`]: super::Link::blank
     Sent = 0,
 }
 

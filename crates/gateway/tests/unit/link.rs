@@ -31,7 +31,7 @@ struct Port {
 
 impl Port {
     fn new() -> Self {
-        let mut link = Link::BLANK;
+        let mut link = Link::blank();
         link.offer(&[]);
         Self { link, ring: Ring::new() }
     }

@@ -30,8 +30,8 @@ const WINDOW: Duration = Duration::from_millis(20);
 const STEP: Duration = Duration::from_millis(40);
 /// Between the repetitions of a stop: arming, turning, stopping until the motor is seen to stand.
 const STOP_PERIOD: Duration = Duration::from_millis(300);
-/// How often all axes are stopped together: each time they are cleared, armed and set in motion
-/// again, one by one.
+/// How often all axes are stopped together: each time they are cleared and armed again, one by
+/// one.
 const E_STOPS: u32 = 10;
 /// Until a motor that was stopped is seen to stand.
 const STOPPING: Duration = Duration::from_millis(200);
@@ -285,11 +285,13 @@ pub(super) fn stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     spans
 }
 
-/// An e-stop while all motors turn: from the last bit of the request to the first bit of the first
+/// An e-stop while all axes are armed: from the last bit of the request to the first bit of the first
 /// stop on CAN.
 pub(super) fn e_stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let repeat = |phase: u32| {
-        session.turn(bench, 0..AXES);
+        for axis in 0..AXES {
+            session.ask(bench, Arm { axis });
+        }
         let begin = session.free + PHASE * phase;
         session.free += STOPPING;
         let exchange = bench.exchange(begin, session.free, &[EStop {}.into()]);
