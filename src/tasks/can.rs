@@ -6,7 +6,7 @@ use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
 /// Events that are followed before a demand comes between.
-const AT_ONCE: usize = 8;
+const AT_ONCE: usize = 4;
 
 /// For ever: some events at a time. A full queue must not keep the other tasks waiting.
 #[embassy_executor::task]
