@@ -10,7 +10,7 @@ use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
 /// Bytes given to the core at once.
-const CHUNK: usize = 64;
+const CHUNK: usize = 32;
 
 /// Line errors without a byte after which a ring counts as stuck.
 const SILENT_ERRORS: u32 = 16;

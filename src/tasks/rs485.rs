@@ -11,7 +11,7 @@ use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
 /// Bytes given to the core at once.
-const CHUNK: usize = 64;
+const CHUNK: usize = 32;
 
 /// For ever: run the bus as configured, start it again when the configuration changes or the
 /// transmitter hangs.
