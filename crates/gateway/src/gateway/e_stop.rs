@@ -19,8 +19,10 @@ impl Gateway {
     /// their motors in motion.
     pub(crate) fn e_stop(&mut self, now: Instant) {
         self.unstopped = self.axes.which(Is::Configured);
-        for bus in 0..self.buses.len() {
-            self.touch_buses(Set::of(bus));
+        for bus in (0u8..).take(self.buses.len()) {
+            if !self.axes.on(bus).is_empty() {
+                self.touch_buses(Set::of(bus));
+            }
         }
         if !self.e_stopped {
             self.e_stopped = true;

@@ -8,8 +8,8 @@ use host_protocol::requests::{
     ProvisionMotorTimeout, ReadState, ReleaseAuthority, Setpoint, Stop,
 };
 use host_protocol::{
-    AxisParameter, ClearTarget, GatewayParameter, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol, ProtocolSet, Reply,
-    Request, Setpoint as Target, StopAction, StopTarget, Value,
+    AxisParameter, ClearTarget, GatewayParameter, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol,
+    ProtocolSet, Reply, Request, Setpoint as Target, StopAction, StopTarget, Value,
 };
 
 use super::bench::{AXES, Answer, BITRATE, Bench, Exchange, Span, place};

@@ -12,7 +12,7 @@ use std::time::Duration;
 use host_protocol::requests::Ping;
 use host_protocol::{
     AxisParameter, Call, CanFrame, ClearTarget, GatewayParameter, Kind, MAX_FRAME, Protocol,
-    ProtocolSet, Setpoint, StopAction, StopTarget, Value, encode,
+    ProtocolSet, Setpoint, StateField, StateFields, StopAction, StopTarget, Value, encode,
 };
 use mgw_client::{Client, ClientError};
 use mgw_sim::MotorWiring;
@@ -54,6 +54,10 @@ const SEQUENCE: u16 = 0x7000;
 /// Of a byte on a UART: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
 const HOST_BITS_PER_SECOND: u32 = 921_600;
+
+/// What the host is told of every axis in each period of a cycle.
+const CYCLE_FIELDS: StateFields =
+    StateFields::of(&[StateField::Position, StateField::Velocity, StateField::Current]);
 
 /// How long a board is off between two situations, and until all is at rest then.
 const OFF: Duration = Duration::from_millis(10);
@@ -143,7 +147,7 @@ impl Stand {
                 Load::All => {
                     self.babble(&mut machine, &[self.bus.index(), FLOODED_CAN.0], situation, now)
                 }
-                Load::Quiet | Load::Own | Load::Foreign(_) | Load::Hosts(_) => {}
+                Load::Quiet | Load::Own | Load::Cycle | Load::Foreign(_) | Load::Hosts(_) => {}
             }
             if let Some(of) = situation.load.flood() {
                 // So that branches find translated what serves it; it is over long before they
@@ -167,7 +171,7 @@ impl Stand {
         let mut rig =
             Rig { situation, machine: Rc::clone(&self.machine), begin: Duration::ZERO, build_id };
         match situation.load {
-            Load::Own | Load::Foreign(Place::BehindAll) | Load::All => {}
+            Load::Own | Load::Cycle | Load::Foreign(Place::BehindAll) | Load::All => {}
             Load::Quiet | Load::Hosts(_) => rig.begin = rig.quiet_spell(),
             Load::Foreign(_) => {
                 rig.begin = rig.quiet_spell();
@@ -399,9 +403,13 @@ fn arm(
 ) -> Result<(), ClientError> {
     for axis in 0..bus.axes() {
         let epoch = client.arm(axis)?.epoch;
-        if load == Load::Own {
+        if matches!(load, Load::Own | Load::Cycle) {
             client.set(axis, epoch, Setpoint::Velocity { velocity_rad_s: 2.0 }, TTL)?;
         }
+    }
+    if load == Load::Cycle {
+        let axes: Vec<u8> = (0..bus.axes()).collect();
+        client.run_cycle(&axes, CYCLE_FIELDS, bus.cycle_period())?;
     }
     Ok(())
 }
@@ -468,7 +476,7 @@ mod tests {
     /// Under the load of the others' frames there is no pause in which a stop could go unnoticed.
     #[test]
     fn a_load_is_one() {
-        for load in [Load::Own, Load::Foreign(Place::BehindAll)] {
+        for load in [Load::Own, Load::Cycle, Load::Foreign(Place::BehindAll)] {
             let situation = Situation { bus: Bus::Can, load };
             let rig = Stand::new(&Machine::builder, situation.bus).set_up(situation);
             let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(16), 0..16);
@@ -484,7 +492,9 @@ mod tests {
             let ours = frames.iter().filter(|record| record.sender == Sender::Controller).count();
             match load {
                 // A motor whose setpoints are answered is not asked for its speed beside them.
-                Load::Own => assert!(ours > 30 && frames.len() > 60, "{ours} of {}", frames.len()),
+                Load::Own | Load::Cycle => {
+                    assert!(ours > 30 && frames.len() > 60, "{ours} of {}", frames.len())
+                }
                 _ => assert!(frames.len() > 140, "{} frames of others", frames.len()),
             }
         }

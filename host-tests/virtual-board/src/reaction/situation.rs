@@ -49,6 +49,8 @@ pub(super) enum Bus {
 pub(super) enum Load {
     Quiet,
     Own,
+    /// A free-running cycle of all axes, as fast as the bus allows.
+    Cycle,
     Foreign(Place),
     /// Nothing; but both computers send without a pause.
     Hosts(Flood),
@@ -88,7 +90,7 @@ impl Load {
         match self {
             Self::Hosts(flood) => Some(flood),
             Self::All => Some(Flood::Requests),
-            Self::Quiet | Self::Own | Self::Foreign(_) => None,
+            Self::Quiet | Self::Own | Self::Cycle | Self::Foreign(_) => None,
         }
     }
 }
@@ -163,6 +165,12 @@ impl Bus {
         }
     }
 
+    /// The period of a free-running cycle of all axes that fills a CAN bus: 16 exchanges of 236
+    /// bits, and 11 of 254 bits, 5 % beside.
+    pub(super) fn cycle_period(self) -> Duration {
+        Duration::from_micros(if self == Self::SlowCan { 14_000 } else { 3_965 })
+    }
+
     fn bits(self, bits: u32) -> Duration {
         Duration::from_nanos(u64::from(bits) * 1_000_000_000 / u64::from(self.bitrate()))
     }
@@ -180,8 +188,9 @@ impl Situation {
             let places: &[Place] = if bus.is_can() { &Place::ALL } else { &[] };
             let foreign = places.iter().map(|place| Load::Foreign(*place));
             let floods: &[Load] = if bus == Bus::Can { &Load::FLOODS } else { &[] };
-            let loads =
-                [Load::Quiet, Load::Own].into_iter().chain(foreign).chain(floods.iter().copied());
+            let cycle: &[Load] = if bus.is_can() { &[Load::Cycle] } else { &[] };
+            let own = [Load::Quiet, Load::Own].into_iter().chain(cycle.iter().copied());
+            let loads = own.chain(foreign).chain(floods.iter().copied());
             loads.map(move |load| Self { bus, load })
         };
         Bus::ALL.into_iter().flat_map(loads).collect()
@@ -192,11 +201,12 @@ impl Situation {
         let Self { bus, load } = self;
         let (k, frame) = (u32::from(k), bus.frame());
         // The reply of a D5 has the id of its request: that of a lower node goes first.
-        let outranking = u32::from(bus == Bus::SlowCan && load == Load::Own);
+        let is_own = matches!(load, Load::Own | Load::Cycle);
+        let outranking = u32::from(bus == Bus::SlowCan && is_own);
         match (bus.is_can(), load, k) {
             (true, Load::Quiet, 1) => QUIET,
             // A D5's stop waits for a reply that is due, as that has its id.
-            (true, Load::Own, _) if bus == Bus::SlowCan => {
+            (true, ..) if bus == Bus::SlowCan && is_own => {
                 SOFTWARE + WINDOW + frame * (2 * k - 1 + outranking)
             }
             (true, ..) => SOFTWARE + frame * (2 * k - 1 + outranking),
@@ -214,6 +224,7 @@ impl Situation {
             Load::Foreign(Place::BeforeHighest) => axes - 1,
             Load::Quiet
             | Load::Own
+            | Load::Cycle
             | Load::Foreign(Place::BehindAll)
             | Load::Hosts(_)
             | Load::All => axes,
@@ -245,9 +256,11 @@ impl Situation {
         let within = self.bus.frame() * phase / phases;
         match self.load {
             Load::Quiet => within,
-            Load::Own | Load::Foreign(Place::BehindAll) | Load::Hosts(_) | Load::All => {
-                within + self.bus.frame() * FRAMES_APART * (phase % PERIODS)
-            }
+            Load::Own
+            | Load::Cycle
+            | Load::Foreign(Place::BehindAll)
+            | Load::Hosts(_)
+            | Load::All => within + self.bus.frame() * FRAMES_APART * (phase % PERIODS),
             // The load begins shortly before: an axis that it keeps from its motor trips by itself.
             Load::Foreign(_) => {
                 within + self.bus.frame() * FRAMES_APART * (1 + phase % FEW_PERIODS)
@@ -262,6 +275,7 @@ impl fmt::Display for Situation {
         let load = match self.load {
             Load::Quiet => "quiet",
             Load::Own => "own",
+            Load::Cycle => "cycle",
             Load::Foreign(Place::BehindAll) => "foreign",
             Load::Foreign(Place::BehindLowest) => "behind lowest",
             Load::Foreign(Place::Middle) => "middle",
