@@ -282,15 +282,16 @@ impl Gateway {
         Changes { buses, links, log, history, save, restart }
     }
 
-    /// Records new trips in the history, one call later: the stop frames go first.
+    /// Records new trips in the history, in the order in which they were told, one call later: the
+    /// stop frames go first.
     pub(crate) fn remember_trips(&mut self) {
         self.settle(self.now);
-        let Self { axes, history, starts, .. } = self;
-        axes.each(axes.which(Is::Unrecorded), |axis| {
-            if let Some(trip) = axis.take_unrecorded_trip() {
-                history.push(Incident::Tripped { start: *starts, axis: axis.index, trip });
+        for axis in self.links.take_tripped() {
+            let Some(tripped) = self.axes.get_mut(usize::from(axis)) else { continue };
+            if let Some(trip) = tripped.take_unrecorded_trip() {
+                self.history.push(Incident::Tripped { start: self.starts, axis, trip });
             }
-        });
+        }
     }
 
     /// One axis of a trip group has tripped: the others do.

@@ -35,14 +35,12 @@ pub(crate) enum Is {
     Unreachable,
     /// Its trip has still to reach its group.
     Spreading,
-    /// Its trip is not in the history.
-    Unrecorded,
     /// What outlives a reset has changed.
     Unsaved,
 }
 
 impl Is {
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 16] = [
         Self::Configured,
         Self::Stopping,
         Self::FirstStop,
@@ -58,7 +56,6 @@ impl Is {
         Self::Tripped,
         Self::Unreachable,
         Self::Spreading,
-        Self::Unrecorded,
         Self::Unsaved,
     ];
 
@@ -148,7 +145,6 @@ impl Look {
                 self.note(Is::Tripped, true);
                 self.note(Is::Unreachable, stop.is_unreachable());
                 self.note(Is::Spreading, tripped.spreads);
-                self.note(Is::Unrecorded, tripped.is_unrecorded);
                 self.note_stop(stop)
             }
         }

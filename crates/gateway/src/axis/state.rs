@@ -69,7 +69,7 @@ pub(super) struct Tripped {
     /// It has still to reach the others of its group.
     pub spreads: bool,
     /// It has still to go into the history.
-    pub is_unrecorded: bool,
+    is_unrecorded: bool,
 }
 
 /// Every way from one state to another, and what takes it. ARCHITECTURE.md draws them.

@@ -1,10 +1,10 @@
 //! The host links together, with the one ring of what happened that they and the log read.
 
 use super::{Cursor, Identity, Link, Ring, Slot};
-use crate::MAX_LINKS;
 use crate::log::LogEntry;
 use crate::set::Set;
 use crate::time::Instant;
+use crate::{MAX_AXES, MAX_LINKS};
 use core::mem::take;
 use core::ops::{Deref, DerefMut};
 use heapless::Vec;
@@ -28,6 +28,8 @@ pub(crate) struct Links {
     changed: Set,
     /// The same of the log.
     log_changed: bool,
+    /// Axes whose trips have been told since that was last asked.
+    tripped: Vec<u8, MAX_AXES>,
     /// When the first of them is due; `None` where that has to be worked out.
     #[serde(skip)]
     due: Option<Instant>,
@@ -56,6 +58,7 @@ impl Links {
             holder: None,
             changed: Set::NONE,
             log_changed: false,
+            tripped: Vec::new(),
             due: None,
         }
     }
@@ -89,9 +92,18 @@ impl Links {
     pub fn event(&mut self, now_us: u64, event: &Event) {
         self.ring.push(now_us, LogEntry::Event(*event));
         self.log_changed = true;
+        if let Event::Tripped { axis, .. } = event {
+            // It fits: an axis trips once until that is asked.
+            let _ = self.tripped.push(*axis);
+        }
         for (link, _) in self.links.iter().enumerate().filter(|(_, port)| port.is_told()) {
             self.changed.add(Set::of(link));
         }
+    }
+
+    /// The axes whose trips have been told since the last time, in that order.
+    pub fn take_tripped(&mut self) -> Vec<u8, MAX_AXES> {
+        take(&mut self.tripped)
     }
 
     /// Adds to the log alone.

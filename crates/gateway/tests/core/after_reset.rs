@@ -6,17 +6,10 @@ use crate::rig::{BOARD_WITHOUT_CAN, Instead, Rig};
 use gateway::Event;
 use host_protocol::{
     AxisParameter, AxisState, BootReason, BusState, ClearTarget, Error, Incident, Protocol, Reply,
-    Request, StopAction, Trip, TripReason, Value, replies, requests,
+    Request, StopAction, Trip, TripReason, Value, requests,
 };
 
 const NODE_2_HOLD: &str = "142#8100000000000000";
-
-fn incidents(rig: &mut Rig, first: u8) -> replies::IncidentPage {
-    match rig.ask(Request::ReadIncidents(requests::ReadIncidents { first })) {
-        Ok(Reply::ReadIncidents(page)) => page,
-        other => panic!("{other:?}"),
-    }
-}
 
 fn clear(rig: &mut Rig, axis: u8) -> Result<Reply, Error> {
     rig.ask(Request::Clear(requests::Clear { target: ClearTarget::Axis(axis) }))
@@ -53,7 +46,7 @@ fn what_was_in_motion_trips_and_every_configured_axis_is_stopped_before_the_host
     run_with_host(&mut rig, 50_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
     assert_eq!(listed(&mut rig, 1), AxisState::Holding);
-    let page = incidents(&mut rig, 0);
+    let page = bench::incidents(&mut rig, 0);
     assert!(
         matches!(
             page.incidents.as_slice(),
@@ -97,7 +90,7 @@ fn many_trips_are_stored_in_parts_and_a_reset_between_them_finds_what_tripped_in
         rig.reset();
         bench::hello(&mut rig);
         run_with_host(&mut rig, 50_000);
-        let page = incidents(&mut rig, 0);
+        let page = bench::incidents(&mut rig, 0);
         let trips = |wanted: TripReason| {
             let reason = |incident: &Incident| match incident {
                 Incident::Tripped { trip, .. } => Some(trip.reason),
@@ -201,7 +194,7 @@ fn a_trip_keeps_its_reason_and_its_place_in_the_history_once() {
         panic!("{:?}", rig.said)
     };
     assert_eq!(report.trip.map(|trip| trip.reason), Some(TripReason::SetpointExpired));
-    let trips = incidents(&mut rig, 0);
+    let trips = bench::incidents(&mut rig, 0);
     let trips =
         trips.incidents.iter().filter(|incident| matches!(incident, Incident::Tripped { .. }));
     assert_eq!(trips.count(), 1);
@@ -269,7 +262,7 @@ fn memory_without_power_is_believed_nowhere() {
         run_with_host(&mut rig, 50_000);
         assert_eq!(rig.wire, []);
         assert_eq!(axes(&mut rig), []);
-        assert_eq!(incidents(&mut rig, 0).incidents.len(), 1);
+        assert_eq!(bench::incidents(&mut rig, 0).incidents.len(), 1);
     }
 }
 

@@ -241,6 +241,14 @@ pub fn stop(rig: &mut Rig) {
     rig.ask(Request::Stop(requests::Stop { target: StopTarget::Axis(0) })).unwrap();
 }
 
+/// What is remembered, the latest first.
+pub fn incidents(rig: &mut Rig, first: u8) -> replies::IncidentPage {
+    match rig.ask(Request::ReadIncidents(requests::ReadIncidents { first })) {
+        Ok(Reply::ReadIncidents(page)) => page,
+        other => panic!("{other:?}"),
+    }
+}
+
 pub fn e_stop(rig: &mut Rig) {
     rig.ask(Request::EStop(requests::EStop {})).unwrap();
 }

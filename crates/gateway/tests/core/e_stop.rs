@@ -4,7 +4,7 @@ use crate::bench::{self, VELOCITY, arm_axis, axis_setpoint};
 use crate::rig::Rig;
 use gateway::{Event, Outgoing, Set};
 use host_protocol::{
-    AxisState, Error, MAX_FRAME, Protocol, Request, StopAction, TripReason, requests,
+    AxisState, Error, Incident, MAX_FRAME, Protocol, Request, StopAction, TripReason, requests,
 };
 
 /// Three armed axes on bus 0 and one at rest, two armed ones on bus 1.
@@ -90,4 +90,19 @@ fn a_reset_between_the_first_stop_and_the_others_forgets_neither_the_e_stop_nor_
     for axis in 0..AXES {
         assert_eq!(bench::listed(&mut rig, axis), AxisState::Tripped { confirmed: true });
     }
+}
+
+#[test]
+fn trips_are_remembered_in_the_order_in_which_they_were_told() {
+    let (mut rig, _) = six();
+    rig.take_in(Event::EStopInput { open: true });
+    assert!(next(&mut rig, 1).is_some());
+    assert!(next(&mut rig, 0).is_some());
+    rig.run(10_000);
+    let latest_first = bench::incidents(&mut rig, 0).incidents;
+    let axes = latest_first.iter().filter_map(|incident| match incident {
+        Incident::Tripped { axis, .. } => Some(*axis),
+        Incident::Started { .. } => None,
+    });
+    assert_eq!(axes.collect::<Vec<_>>(), [5, 2, 1, 0, 4]);
 }

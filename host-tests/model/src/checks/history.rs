@@ -6,16 +6,11 @@ use std::collections::VecDeque;
 /// So many are remembered, and so many are on a page.
 const REMEMBERED: usize = 16;
 const PAGE: usize = 8;
-/// What is kept here: those that are remembered, and those of the same instant.
-const KEPT: usize = REMEMBERED + 32;
 
 /// What must be remembered, the latest first.
 #[derive(Debug, Clone)]
 pub(crate) struct History {
-    /// With the number of the instant.
-    incidents: VecDeque<(u64, Incident)>,
-    /// Instants at which something tripped.
-    instant: u64,
+    incidents: VecDeque<Incident>,
     start: u32,
     /// Pages that were read at this instant.
     read: Vec<Page>,
@@ -45,8 +40,8 @@ struct Unread {
 
 impl History {
     pub fn new() -> Self {
-        let incidents = [(0, Incident::Started { start: 1 })].into();
-        Self { incidents, instant: 0, start: 1, read: Vec::new(), news: Vec::new(), unread: None }
+        let incidents = [Incident::Started { start: 1 }].into();
+        Self { incidents, start: 1, read: Vec::new(), news: Vec::new(), unread: None }
     }
 
     /// The gateway has started without a memory.
@@ -94,33 +89,20 @@ impl History {
         } else {
             Vec::new()
         };
-        self.instant += u64::from(!self.news.is_empty());
         for (axis, trip) in self.news.drain(..) {
-            self.incidents
-                .push_front((self.instant, Incident::Tripped { start: self.start, axis, trip }));
+            self.incidents.push_front(Incident::Tripped { start: self.start, axis, trip });
         }
-        // One instant has more of them than are remembered.
-        self.incidents.truncate(KEPT);
+        self.incidents.truncate(REMEMBERED);
         wrong
     }
 
     /// What is wrong with a page.
     fn wrong(&self, Page { first, incidents, next }: &Page) -> Option<String> {
-        let wanted: Vec<&(u64, Incident)> =
-            self.incidents.iter().take(REMEMBERED).skip(*first).take(PAGE).collect();
-        let goes_on = self.incidents.len().min(REMEMBERED) > first + PAGE;
+        let wanted: Vec<&Incident> = self.incidents.iter().skip(*first).take(PAGE).collect();
+        let goes_on = self.incidents.len() > first + PAGE;
         let is_next = next.map(usize::from) == goes_on.then_some(first + PAGE);
-        let each_once =
-            incidents.iter().enumerate().all(|(at, told)| !incidents[..at].contains(told));
-        let fits = incidents.len() == wanted.len()
-            && incidents.iter().zip(&wanted).all(|(told, (instant, _))| self.is_of(*instant, told));
-        (!is_next || !fits || !each_once)
-            .then(|| format!("{incidents:?}, {next:?}, not {wanted:?}"))
-    }
-
-    /// Whether an incident is one of an instant: trips of one instant are remembered in any order.
-    fn is_of(&self, instant: u64, told: &Incident) -> bool {
-        self.incidents.iter().any(|(at, incident)| *at == instant && incident == told)
+        let fits = incidents.iter().eq(wanted.iter().copied());
+        (!is_next || !fits).then(|| format!("{incidents:?}, {next:?}, not {wanted:?}"))
     }
 
     /// A page from `first` on.
@@ -141,9 +123,7 @@ impl History {
             return Ok(());
         };
         let result = self.fits(&read, interrupted, &tripping);
-        self.incidents = (0..).zip(read.into_iter().rev()).collect::<VecDeque<_>>();
-        self.incidents.make_contiguous().reverse();
-        self.instant = REMEMBERED as u64;
+        self.incidents = read.into();
         result.map_err(|wrong| format!("{wrong}: {:?}", self.incidents))
     }
 
@@ -170,9 +150,7 @@ impl History {
                 .incidents
                 .len()
                 .min(REMEMBERED - place - 1 - skipped.min(REMEMBERED - place - 1));
-            let is_of_its_instant =
-                |(told, (instant, _)): (&Incident, &(u64, Incident))| self.is_of(*instant, told);
-            known.len() == wanted && known.iter().zip(&self.incidents).all(is_of_its_instant)
+            known.len() == wanted && known.iter().zip(&self.incidents).all(|(a, b)| a == b)
         };
         if (0..=untold).any(is_the_end_of) {
             Ok(())
