@@ -62,7 +62,7 @@ impl Bus {
             return None;
         }
         let least = self.least_precedence(stops);
-        // Nothing else goes beside them there.
+        // On CAN a first stop may have to wait for a reply, which anything else would hold up.
         let candidates = match (stops, self.kind()) {
             (Stops::First, BusKind::Can) => ready.and(self.which(Is::FirstStop, axes)),
             _ => ready,
@@ -88,13 +88,8 @@ impl Bus {
                 continue;
             }
             let allowed = match want.priority {
-                Priority::FirstStop | Priority::FirstStopAtRest => {
+                Priority::FirstStop | Priority::FirstStopAtRest | Priority::Stop => {
                     self.may_send_stop(now, axis, &want, axes, room)
-                }
-                // On CAN a first stop may have to wait for a reply, which these would hold up.
-                Priority::Stop => {
-                    let waits = stops == Stops::First && self.kind() == BusKind::Can;
-                    !waits && self.may_send_stop(now, axis, &want, axes, room)
                 }
                 Priority::StopStep if stops == Stops::Held => {
                     self.may_be_answered(axes)
