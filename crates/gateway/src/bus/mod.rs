@@ -88,7 +88,7 @@ pub(crate) struct Bus {
 struct Due {
     /// It must be looked at again; [`Instant::NEVER`] where nothing comes.
     at: Instant,
-    /// [`Bus::expire`] finds something, but for stops, which it looks for each time.
+    /// [`Bus::expire`] finds something.
     expires: Instant,
 }
 

@@ -285,8 +285,8 @@ pub(super) fn stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     spans
 }
 
-/// An e-stop while all axes are armed: from the last bit of the request to the first bit of the first
-/// stop on CAN.
+/// An e-stop while all axes are armed: from the last bit of the request to the first bit of the
+/// first stop on CAN.
 pub(super) fn e_stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let repeat = |phase: u32| {
         for axis in 0..AXES {
