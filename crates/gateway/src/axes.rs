@@ -37,16 +37,21 @@ impl Kept {
         traffic: [const { Traffic::NONE }; MAX_AXES],
     };
 
-    /// Works out what is kept of one axis. Returns the buses that it is and was on, and whether its
-    /// traffic is another one.
+    /// Works out what is kept of one axis, as [`put`](Self::put).
     fn keep(&mut self, axis: &Axis, now: Instant, after: Instant) -> (Set, bool) {
-        let index = usize::from(axis.index);
+        self.put(axis.index.into(), Look::at(axis, now, after), axis.traffic())
+    }
+
+    /// Keeps this of one axis. Returns the buses that it is and was on, and whether its traffic is
+    /// another one.
+    #[inline(always)]
+    fn put(&mut self, index: usize, new_look: Look, new_traffic: Traffic) -> (Set, bool) {
         let one = Set::of(index);
         let (Some(look), Some(traffic)) = (self.looks.get_mut(index), self.traffic.get_mut(index))
         else {
             return (Set::NONE, false);
         };
-        let before = core::mem::replace(look, Look::at(axis, now, after));
+        let before = core::mem::replace(look, new_look);
         let mut changed = before.flags ^ look.flags;
         while changed != 0 {
             if let Some(set) = self.which.get_mut(changed.trailing_zeros() as usize) {
@@ -55,7 +60,7 @@ impl Kept {
             changed &= changed - 1;
         }
         let was_on = traffic.bus.map_or(Set::NONE, Set::of);
-        if core::mem::replace(traffic, axis.traffic()) == *traffic {
+        if core::mem::replace(traffic, new_traffic) == *traffic {
             return (was_on, false);
         }
         for (here, set) in self.on.iter_mut().enumerate() {
@@ -135,6 +140,12 @@ impl Axes {
     /// The axes of a set.
     pub fn of(&self, set: Set) -> impl Iterator<Item = &Axis> + Clone {
         set.into_iter().filter_map(|index| self.axes.get(index))
+    }
+
+    /// Those of a set of which something is so that is not kept.
+    pub fn those(&self, set: Set, is: impl Fn(&Axis) -> bool) -> Set {
+        let those = self.of(set).filter(|axis| is(axis));
+        those.fold(Set::NONE, |those, axis| those.with(Set::of(axis.index)))
     }
 
     /// Calls `act` with each axis of a set.
@@ -246,11 +257,18 @@ impl Axes {
         self.new_traffic.take()
     }
 
-    /// Panics where what is kept is not what a look at every axis gives. For tests.
-    pub fn assert_kept(&self, now: Instant, after: Instant) {
+    /// Panics where what is kept is not what a look at every axis gives; `unstopped`: but these,
+    /// which are looked at when they are reached. For tests.
+    pub fn assert_kept(&self, now: Instant, after: Instant, unstopped: Set) {
         let mut fresh = Kept::NONE;
-        for axis in self.axes.iter() {
-            fresh.keep(axis, now, after);
+        for (axis, (look, traffic)) in
+            self.axes.iter().zip(self.kept.looks.iter().zip(&self.kept.traffic))
+        {
+            if unstopped.has(axis.index) {
+                fresh.put(axis.index.into(), *look, *traffic);
+            } else {
+                fresh.keep(axis, now, after);
+            }
         }
         assert_eq!(self.touched, Set::NONE, "axes that are not settled");
         for (is, (fresh, kept)) in

@@ -1,6 +1,5 @@
 //! The gateway as one object: events in, frames out.
 
-mod e_stop;
 mod image;
 mod names;
 mod pins;
@@ -8,6 +7,7 @@ mod requests;
 mod retained;
 mod snapshot;
 mod stored;
+mod unstopped;
 
 pub use retained::RETAINED_WORDS;
 pub use snapshot::{MAX_SNAPSHOT, ResumeError};
@@ -25,13 +25,14 @@ use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
 use heapless::Vec;
-use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request, TripReason};
+use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request};
 use image::Image;
 use names::Names;
 use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
 use serde::{Deserialize, Serialize};
 use stored::Stored;
+use unstopped::{Unstopped, Why};
 
 /// A gateway: everything between the host links and the buses of one board.
 #[derive(Clone, Serialize, Deserialize)]
@@ -47,8 +48,7 @@ pub struct Gateway {
     pub(crate) epoch: Option<u32>,
     /// Latched by an e-stop: nothing is armed until it is cleared.
     pub(crate) e_stopped: bool,
-    /// Axes that the e-stop of the latest event has still to reach.
-    pub(crate) unstopped: Set,
+    pub(crate) unstopped: Unstopped,
     pub(crate) e_stop_input_open: bool,
     /// The level of the enable output, as the hosts know it.
     pub(crate) enabled: bool,
@@ -104,7 +104,7 @@ impl Gateway {
             authority: Authority::new(),
             epoch: seed,
             e_stopped: false,
-            unstopped: Set::NONE,
+            unstopped: Unstopped::NONE,
             // Until it has been read it may be anything.
             e_stop_input_open: board.e_stop_input,
             enabled: true,
@@ -158,7 +158,7 @@ impl Gateway {
         let now = now.max(self.now);
         let before = core::mem::replace(&mut self.now, now);
         self.remember_trips();
-        self.finish_e_stop(before);
+        self.finish_stops(before);
         self.supervise(now);
         match event {
             Event::HostBytes { link, mut bytes } => {
@@ -209,8 +209,8 @@ impl Gateway {
             Event::Tick => {}
         }
         self.settle(now);
+        self.spread_trips(now);
         if self.unstopped.is_empty() {
-            self.spread_trips(now);
             self.go_on_together(now);
             self.go_on_arming(now);
             self.go_on_cycle(now);
@@ -257,7 +257,7 @@ impl Gateway {
     /// In tests: what is kept is what a look at everything gives.
     fn check_kept(&self, now: Instant) {
         if cfg!(debug_assertions) {
-            self.axes.assert_kept(now, self.now);
+            self.axes.assert_kept(now, self.now, self.unstopped.axes());
             self.buses.iter().for_each(|bus| bus.assert_measured(&self.axes));
             self.links.assert_due();
             assert_eq!(self.served_buses, Set::NONE, "nothing waits to be settled");
@@ -294,25 +294,10 @@ impl Gateway {
         }
     }
 
-    /// One axis of a trip group has tripped: the others do.
-    fn spread_trips(&mut self, now: Instant) {
-        while let Some(axis) = self.axes.which(Is::Spreading).into_iter().next() {
-            let Some(axis) = self.axes.get_mut(axis) else { return };
-            let (origin, Some(group)) = (axis.index, axis.take_spreading_trip()) else { continue };
-            self.each_axis(now, |axis, out| {
-                if axis.trip_group() == Some(group) {
-                    axis.trip(now, TripReason::Group { axis: origin }, out);
-                    axis.take_spreading_trip();
-                }
-            });
-            self.settle(now);
-        }
-    }
-
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = now.max(self.now);
-        self.begin_e_stop(bus);
+        self.begin_stops(bus);
         self.settle_served(now);
         let Self { buses, axes, links, .. } = self;
         let polled = buses.get_mut(usize::from(bus))?;
@@ -348,7 +333,7 @@ impl Gateway {
     /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = now.max(self.now);
-        self.begin_e_stop(bus);
+        self.begin_stops(bus);
         self.settle_served(now);
         let slot = self.with_bus(now, bus, |bus, axes, _| bus.poll_cancel(now, axes))?;
         self.crowded_buses.put(Set::of(bus), slot.is_some());
@@ -450,12 +435,7 @@ impl Gateway {
         self.settle(now);
         let due = self.axes.due(now);
         if !due.is_empty() {
-            let mut out = Outbox::new(now, &mut self.links);
-            self.axes.each(due, |axis| {
-                axis.expire_motion(now, &mut out);
-                axis.expire_requests(now, &mut out);
-            });
-            self.settle(now);
+            self.expire_axes(now, due);
         }
         // What of these is due may not have been worked out yet.
         let unwatched = self.unwatched_buses.take();
@@ -470,6 +450,20 @@ impl Gateway {
         }
         self.touched_buses.add(due);
         self.changed_buses.add(due);
+        self.settle(now);
+    }
+
+    /// What time has brought to these axes; those that stop have it when they are reached.
+    fn expire_axes(&mut self, now: Instant, due: Set) {
+        if due.len() > 1 && self.unstopped.is_empty() {
+            let expired = self.axes.those(due, |axis| axis.has_expired(now));
+            if expired.len() > 1 {
+                self.stop_many(now, expired, Why::Expired);
+            }
+        }
+        let mut out = Outbox::new(now, &mut self.links);
+        let due = due.without(self.unstopped.axes());
+        self.axes.each(due, |axis| axis.expire(now, &mut out));
         self.settle(now);
     }
 
@@ -522,7 +516,7 @@ impl Gateway {
         }
         let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
         if let Some(slot) = slot {
-            self.finish_e_stop(now);
+            self.finish_stops(now);
             self.execute(now, Ticket { link, watches, slot }, &request);
         }
     }

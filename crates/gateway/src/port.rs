@@ -19,8 +19,8 @@
 //!   after polling a bus what [`Gateway::take_changes`](crate::Gateway::take_changes) names. After
 //!   a start it polls everything once.
 //! - It gives `handle` a tick when [`Gateway::next_deadline`](crate::Gateway::next_deadline) has
-//!   come. After an e-stop that is at once: it polls the buses first, so that of each the first
-//!   stop leaves before the others are looked at.
+//!   come. Where many axes stop, that is at once: it polls the buses first, so that of each the
+//!   first stop leaves before the others are looked at.
 //!
 //! And for the board:
 //! - It calls [`Gateway::restore`](crate::Gateway::restore) once, first, with the words that were

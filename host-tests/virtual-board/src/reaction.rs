@@ -25,8 +25,8 @@ use host_protocol::requests::{EStop, Stop};
 use crate::board::Board;
 use crate::machine::Builder;
 use crate::measure::{NotMeasurable, SPEEDS};
-use rig::{Rig, Stand};
-use situation::Bus;
+use rig::{Cause, Rig, Stand};
+use situation::{Bus, Load};
 
 /// Phases that a run in CI looks at, at each speed.
 pub const FEW_PHASES: [u32; SPEEDS.len()] = [20, 5];
@@ -153,10 +153,7 @@ fn trace(rig: &Rig, situation: Situation, line: Line, speed: u64, phases: u32) -
     };
     let worst = (0..phases).max_by_key(took).unwrap_or_default();
     let (after, bound) = (situation.offset(worst, phases), line.bound(situation));
-    let trace = match line {
-        Line::One => rig.trace(after, &stop_of(situation.stopped(worst)), bound),
-        Line::First | Line::Last => rig.trace(after, &EStop {}, bound),
-    };
+    let trace = rig.trace(after, &line.cause(rig, situation, worst, after), bound);
     format!("{}, at {speed} a second, phase {worst} of {phases}\n{trace}", line.name(situation))
 }
 
@@ -169,23 +166,49 @@ enum Line {
     First,
     /// and the last of them.
     Last,
+    /// Stop of all axes: the first.
+    All,
+    /// The setpoints of all axes expire at one instant: the first.
+    Expired,
 }
 
 impl Line {
-    const ALL: [Self; 3] = [Self::One, Self::First, Self::Last];
+    const ALL: [Self; 5] = [Self::One, Self::First, Self::Last, Self::All, Self::Expired];
+
+    /// Whether the table has it of a situation.
+    fn is_of(self, situation: Situation) -> bool {
+        match self {
+            Self::One | Self::First | Self::Last => true,
+            Self::All => matches!(situation.load, Load::Quiet | Load::Own | Load::Cycle),
+            Self::Expired => matches!(situation.load, Load::Own | Load::Cycle),
+        }
+    }
+
+    /// What the stops of a phase follow from.
+    fn cause(self, rig: &Rig, situation: Situation, phase: u32, after: Duration) -> Cause {
+        let stop = |target| Cause::command(&Stop { target });
+        match self {
+            Self::One => stop(StopTarget::Axis(situation.stopped(phase))),
+            Self::First | Self::Last => Cause::command(&EStop {}),
+            Self::All => stop(StopTarget::All),
+            Self::Expired => rig.expiry(after),
+        }
+    }
 
     fn name(self, situation: Situation) -> String {
         let stop = match self {
             Self::One => "one",
             Self::First => "first",
             Self::Last => "last",
+            Self::All => "all",
+            Self::Expired => "expired",
         };
         format!("{situation}, {stop}")
     }
 
     fn bound(self, situation: Situation) -> Duration {
         match self {
-            Self::One | Self::First => situation.bound(1),
+            Self::One | Self::First | Self::All | Self::Expired => situation.bound(1),
             Self::Last => situation.bound(situation.winners()),
         }
     }
@@ -194,14 +217,10 @@ impl Line {
 /// The lines whose names contain `filter`, by their situations.
 fn wanted(filter: &str) -> Vec<(Situation, Vec<Line>)> {
     let lines = |situation: Situation| {
-        let named = |line: &Line| line.name(situation).contains(filter);
+        let named = |line: &Line| line.is_of(situation) && line.name(situation).contains(filter);
         (situation, Line::ALL.into_iter().filter(named).collect::<Vec<_>>())
     };
     Situation::all().into_iter().map(lines).filter(|(_, lines)| !lines.is_empty()).collect()
-}
-
-fn stop_of(axis: u8) -> Stop {
-    Stop { target: StopTarget::Axis(axis) }
 }
 
 /// What these lines take in one phase; `None`: an axis is not stopped at all.
@@ -213,18 +232,26 @@ fn times(
     phases: u32,
 ) -> Vec<Option<Duration>> {
     let after = situation.offset(phase, phases);
-    let one = || {
-        let axis = situation.stopped(phase);
-        rig.react(after, &stop_of(axis), Line::One.bound(situation), axis..axis + 1)
+    let stops = |line: Line, axes| {
+        rig.react(after, &line.cause(rig, situation, phase, after), line.bound(situation), axes)
     };
-    let all = || rig.react(after, &EStop {}, Line::Last.bound(situation), 0..situation.winners());
-    let all = if lines.iter().any(|line| *line != Line::One) { all() } else { Vec::new() };
+    let first = |stops: Vec<Option<Duration>>| stops.into_iter().flatten().min();
+    let last = |stops: Vec<Option<Duration>>| {
+        stops.into_iter().collect::<Option<Vec<_>>>().and_then(|stops| stops.into_iter().max())
+    };
+    let winners = 0..situation.winners();
+    // One branch for both.
+    let mut of_e_stop = None;
+    let mut of_e_stop =
+        || of_e_stop.get_or_insert_with(|| stops(Line::Last, winners.clone())).clone();
     let took = |line: &Line| match line {
-        Line::One => one().into_iter().flatten().min(),
-        Line::First => all.iter().copied().flatten().min(),
-        Line::Last => {
-            all.iter().copied().collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().max())
+        Line::One => {
+            let axis = situation.stopped(phase);
+            first(stops(Line::One, axis..axis + 1))
         }
+        Line::First => first(of_e_stop()),
+        Line::Last => last(of_e_stop()),
+        Line::All | Line::Expired => first(stops(*line, winners.clone())),
     };
     lines.iter().map(took).collect()
 }

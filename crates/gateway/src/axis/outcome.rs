@@ -143,7 +143,7 @@ impl Axis {
     }
 
     /// Closes windows that have passed, and notices what cannot be sent.
-    pub fn expire_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
+    pub(super) fn expire_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let stops = self.stop().is_some();
         if let Some(request) = self.transactions.expire(now, stops, &self.config) {
             self.unanswered(now, &request, out);

@@ -223,11 +223,17 @@ impl Axis {
         Ok(Some(now + Duration::from_micros(u64::from(lead))))
     }
 
-    /// Trips when the setpoint in force has expired.
-    pub fn expire_motion(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if self.motion().and_then(Motion::deadline).is_some_and(|at| at <= now) {
+    /// Whether the setpoint in force has expired.
+    pub fn has_expired(&self, now: Instant) -> bool {
+        self.motion().and_then(Motion::deadline).is_some_and(|at| at <= now)
+    }
+
+    /// What time alone brings about.
+    pub fn expire(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if self.has_expired(now) {
             self.trip(now, TripReason::SetpointExpired, out);
         }
+        self.expire_requests(now, out);
     }
 
     pub(super) fn resend_motion(&mut self, now: Instant) {

@@ -263,7 +263,7 @@ impl Gateway {
         States {
             starts: self.starts,
             // What holds goes on holding: after a reset each axis is sent its stop action.
-            moving: which(Is::Moving).with(self.unstopped).without(tripped),
+            moving: which(Is::Moving).with(self.unstopped.axes()).without(tripped),
             tripped,
             unreachable: which(Is::Unreachable).and(tripped),
             flags: if self.e_stopped { E_STOPPED } else { 0 },

@@ -9,10 +9,12 @@ use std::ops::{ControlFlow, Range};
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::requests::Ping;
+use host_protocol::replies::Pong;
+use host_protocol::requests::{Cycle, Ping};
 use host_protocol::{
-    AxisParameter, Call, CanFrame, ClearTarget, GatewayParameter, Kind, MAX_FRAME, Protocol,
-    ProtocolSet, Setpoint, StateField, StateFields, StopAction, StopTarget, Value, encode,
+    AxisParameter, Call, CanFrame, ClearTarget, Deframer, FixedU32, GatewayParameter, Kind,
+    MAX_FRAME, Protocol, ProtocolSet, Reply, Setpoint, StateField, StateFields, StopAction,
+    StopTarget, Value, encode,
 };
 use mgw_client::{Client, ClientError};
 use mgw_sim::MotorWiring;
@@ -59,6 +61,12 @@ const HOST_BITS_PER_SECOND: u32 = 921_600;
 const CYCLE_FIELDS: StateFields =
     StateFields::of(&[StateField::Position, StateField::Velocity, StateField::Current]);
 
+const MOTION: Setpoint = Setpoint::Velocity { velocity_rad_s: 2.0 };
+/// Setpoints that are to expire together do so this long behind their request, which is long.
+const EXPIRES_AFTER: Duration = Duration::from_millis(20);
+/// A ping is answered, whatever else the gateway does.
+const ANSWERED: Duration = Duration::from_millis(10);
+
 /// How long a board is off between two situations, and until all is at rest then.
 const OFF: Duration = Duration::from_millis(10);
 const AT_REST: Duration = Duration::from_secs(1);
@@ -88,6 +96,24 @@ pub(super) struct Rig {
     /// From where the board stands to the first phase.
     begin: Duration,
     build_id: String,
+    /// That of all axes.
+    epoch: u32,
+}
+
+/// What stops follow from.
+pub(super) struct Cause {
+    /// What a computer sends.
+    bytes: Vec<u8>,
+    from: UartPort,
+    /// From when on the stops are timed, in the machine's time; nothing: from its last bit.
+    since: Option<Duration>,
+}
+
+impl Cause {
+    /// A command on the second host link.
+    pub(super) fn command<C: Call>(command: &C) -> Self {
+        Self { bytes: request(command, SEQUENCE), from: UartPort::Host1, since: None }
+    }
 }
 
 /// A board with what hangs on it, not yet switched on.
@@ -131,7 +157,7 @@ impl Stand {
         let build_id = client.hello().build_id.to_string();
         let rehearsed =
             |client: &mut _| if is_first { rehearse(client, situation) } else { Ok(()) };
-        configure(&mut client, situation)
+        let epoch = configure(&mut client, situation)
             .and_then(|()| rehearsed(&mut client))
             .and_then(|()| arm(&mut client, situation))
             .unwrap_or_else(|error| panic!("{situation}: {error}"));
@@ -168,8 +194,8 @@ impl Stand {
                 });
             }
         }
-        let mut rig =
-            Rig { situation, machine: Rc::clone(&self.machine), begin: Duration::ZERO, build_id };
+        let machine = Rc::clone(&self.machine);
+        let mut rig = Rig { situation, machine, begin: Duration::ZERO, build_id, epoch };
         match situation.load {
             Load::Own | Load::Cycle | Load::Foreign(Place::BehindAll) | Load::All => {}
             Load::Quiet | Load::Hosts(_) => rig.begin = rig.quiet_spell(),
@@ -219,34 +245,72 @@ impl Rig {
         &self.build_id
     }
 
-    /// Sends a command on the second host link, so long after the begin of the situation, in a
-    /// branch of the run. From its last bit to the first stop of each of these axes. Most
-    /// branches end soon after the bound; one whose stops have not all come by then is run once
-    /// more, for longer.
-    pub(super) fn react<C: Call>(
+    /// That the setpoints of all axes expire at one instant, a while and `after` behind the begin
+    /// of the situation.
+    pub(super) fn expiry(&self, after: Duration) -> Cause {
+        let axes = self.situation.bus.axes();
+        let ahead = self.gateway_ahead_ns();
+        let expires = self.machine.borrow().now() + self.begin + after + EXPIRES_AFTER;
+        let expires_at_us = (signed_ns(expires) + ahead) / 1000;
+        let since = Duration::from_nanos(
+            u64::try_from(expires_at_us * 1000 - ahead).expect("behind the start"),
+        );
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "modulo 2³²")]
+        let expires_at_us = FixedU32(expires_at_us as u32);
+        let cycle = Cycle {
+            epoch: FixedU32(self.epoch),
+            expires_at_us,
+            fields: StateFields::NONE,
+            axes: u32::MAX >> (u32::BITS - u32::from(axes)),
+            setpoints: (0..axes).map(|_| MOTION).collect(),
+        };
+        Cause { bytes: request(&cycle, SEQUENCE), from: UartPort::Host0, since: Some(since) }
+    }
+
+    /// By how much the gateway's clock is ahead of the machine's, at least: it is read when a ping
+    /// has come in.
+    fn gateway_ahead_ns(&self) -> i128 {
+        let ping = Cause::command(&Ping {});
+        let report = self.branch(Duration::ZERO, &ping, ANSWERED, |part, since| {
+            let host: &mut HostUart =
+                serial_port(part, UartPort::Host1).peer_mut().expect("a computer");
+            let mut deframer = Deframer::new();
+            let mut pong = None;
+            for byte in host.take() {
+                if let Some(Ok(frame)) = deframer.push(byte)
+                    && (frame.kind, frame.sequence) == (Kind::Reply, SEQUENCE)
+                {
+                    pong = Reply::decode(frame.number, frame.body).ok();
+                }
+            }
+            let Some(Reply::Ping(Pong { time_us })) = pong else { panic!("no pong: {pong:?}") };
+            (i128::from(time_us) * 1000 - signed_ns(since)).to_le_bytes().to_vec()
+        });
+        i128::from_le_bytes(report.try_into().expect("one number"))
+    }
+
+    /// Has `cause` come, so long after the begin of the situation, in a branch of the run. From
+    /// then on to the first stop of each of these axes. Most branches end soon after the bound;
+    /// one whose stops have not all come by then is run once more, for longer.
+    pub(super) fn react(
         &self,
         after: Duration,
-        command: &C,
+        cause: &Cause,
         bound: Duration,
         axes: Range<u8>,
     ) -> Vec<Option<Duration>> {
         let among =
             |stops: FirstStops| stops[usize::from(axes.start)..usize::from(axes.end)].to_vec();
-        let soon = among(self.first_stops_within(after, command, bound + SOON));
+        let soon = among(self.first_stops_within(after, cause, bound + SOON));
         if soon.iter().all(Option::is_some) {
             return soon;
         }
-        among(self.first_stops_within(after, command, bound + PATIENCE))
+        among(self.first_stops_within(after, cause, bound + PATIENCE))
     }
 
-    fn first_stops_within<C: Call>(
-        &self,
-        after: Duration,
-        command: &C,
-        within: Duration,
-    ) -> FirstStops {
+    fn first_stops_within(&self, after: Duration, cause: &Cause, within: Duration) -> FirstStops {
         let bus = self.situation.bus;
-        let found = self.branch(after, command, within, move |part, since| {
+        let found = self.branch(after, cause, within, move |part, since| {
             let stops = first_stops(part, bus, since);
             let nanos = |stop: &Option<Duration>| {
                 stop.map_or(u64::MAX, |stop| u64::try_from(stop.as_nanos()).expect("short"))
@@ -261,26 +325,25 @@ impl Rig {
     }
 
     /// The same; what the bus carried meanwhile, as text.
-    pub(super) fn trace<C: Call>(&self, after: Duration, command: &C, bound: Duration) -> String {
+    pub(super) fn trace(&self, after: Duration, cause: &Cause, bound: Duration) -> String {
         let bus = self.situation.bus;
         let found =
-            self.branch(after, command, bound + PATIENCE, move |part, since| match bus.index() {
+            self.branch(after, cause, bound + PATIENCE, move |part, since| match bus.index() {
                 _ if !bus.is_can() => trace::of_bytes(line(part).sent(), since).into_bytes(),
                 bus => trace::of_frames(part.fdcan(usize::from(bus)).log(), since).into_bytes(),
             });
         String::from_utf8(found).expect("it was text")
     }
 
-    /// Sends a command in a branch of the run, and has a report made of the part and the end of the
-    /// command's last bit.
-    fn branch<C: Call>(
+    /// Has `cause` come in a branch of the run, and a report made of the part and of when it came.
+    fn branch(
         &self,
         after: Duration,
-        command: &C,
+        cause: &Cause,
         within: Duration,
         report: impl FnOnce(&mut Chip, Duration) -> Vec<u8> + Send + 'static,
     ) -> Vec<u8> {
-        let command = request(command, SEQUENCE);
+        let (command, from) = (cause.bytes.clone(), cause.from);
         let mut machine = self.machine.borrow_mut();
         let begin = self.begin + after;
         // The command is behind what its computer has sent, and the other one sends as well.
@@ -290,18 +353,20 @@ impl Rig {
         };
         let bits = BITS_PER_BYTE * u64::try_from(before.len() + command.len()).expect("short");
         let takes = Duration::from_nanos(bits * Board::chosen().host_1_bit_ps / 1000);
-        let since = machine.now() + begin + takes;
+        let sent = machine.now() + begin;
+        let since = cause.since.unwrap_or(sent + takes);
         let send = move |part: &mut Chip, _| {
-            computer(part, UartPort::Host0).send(&[&before[..], &behind[..]].concat());
-            let host = computer(part, UartPort::Host1);
             assert_eq!(
-                host.settings().bit_ps,
+                computer(part, UartPort::Host1).settings().bit_ps,
                 Board::chosen().host_1_bit_ps,
                 "as fast as it should be"
             );
-            host.send(&[&before[..], &command[..], &behind[..]].concat());
+            for port in [UartPort::Host0, UartPort::Host1] {
+                let command = if port == from { &command[..] } else { &[] };
+                computer(part, port).send(&[&before[..], command, &behind[..]].concat());
+            }
         };
-        machine.branch(begin, send, takes + within, move |part| report(part, since))
+        machine.branch(begin, send, since - sent + within, move |part| report(part, since))
     }
 
     /// When the longest pause of the bus begins, with a margin: from where the board stands.
@@ -396,22 +461,22 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
     Ok(())
 }
 
-/// Arms all axes; they move if they are the load.
+/// Arms all axes, in the epoch that it returns; they move if they are the load.
 fn arm(
     client: &mut Client<BoardTransport>,
     Situation { bus, load }: Situation,
-) -> Result<(), ClientError> {
-    for axis in 0..bus.axes() {
-        let epoch = client.arm(axis)?.epoch;
-        if matches!(load, Load::Own | Load::Cycle) {
-            client.set(axis, epoch, Setpoint::Velocity { velocity_rad_s: 2.0 }, TTL)?;
+) -> Result<u32, ClientError> {
+    let axes: Vec<u8> = (0..bus.axes()).collect();
+    let epoch = client.arm_together(&axes)?;
+    if matches!(load, Load::Own | Load::Cycle) {
+        for axis in &axes {
+            client.set(*axis, epoch, MOTION, TTL)?;
         }
     }
     if load == Load::Cycle {
-        let axes: Vec<u8> = (0..bus.axes()).collect();
         client.run_cycle(&axes, CYCLE_FIELDS, bus.cycle_period())?;
     }
-    Ok(())
+    Ok(epoch)
 }
 
 /// Once before it counts: from then on the emulator has translated what runs, and branches need not
@@ -450,6 +515,10 @@ fn flood(of: Flood, duration: Duration) -> Vec<u8> {
     }
 }
 
+fn signed_ns(span: Duration) -> i128 {
+    i128::try_from(span.as_nanos()).expect("short")
+}
+
 fn request<C: Call>(command: &C, sequence: u16) -> Vec<u8> {
     let mut frame = [0; MAX_FRAME];
     let length = encode(Kind::Request, sequence, C::NUMBER, command, &mut frame).expect("it fits");
@@ -473,16 +542,20 @@ mod tests {
     use super::*;
     use crate::reaction::situation::Bus;
 
+    fn e_stop() -> Cause {
+        Cause::command(&EStop {})
+    }
+
     /// Under the load of the others' frames there is no pause in which a stop could go unnoticed.
     #[test]
     fn a_load_is_one() {
         for load in [Load::Own, Load::Cycle, Load::Foreign(Place::BehindAll)] {
             let situation = Situation { bus: Bus::Can, load };
             let rig = Stand::new(&Machine::builder, situation.bus).set_up(situation);
-            let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(16), 0..16);
+            let stops = rig.react(Duration::ZERO, &e_stop(), situation.bound(16), 0..16);
             assert!(stops.iter().all(Option::is_some), "{stops:?}");
             assert_eq!(
-                rig.react(Duration::ZERO, &EStop {}, situation.bound(16), 0..16),
+                rig.react(Duration::ZERO, &e_stop(), situation.bound(16), 0..16),
                 stops,
                 "the board never knew"
             );
@@ -503,7 +576,7 @@ mod tests {
     /// What the gateway tells the second host of an e-stop, and of its stops as the bus carries
     /// them.
     fn told(rig: &Rig, within: Duration) -> Vec<Event> {
-        let bytes = rig.branch(Duration::ZERO, &EStop {}, within, |part, _| {
+        let bytes = rig.branch(Duration::ZERO, &e_stop(), within, |part, _| {
             serial_port(part, UartPort::Host1).peer_mut::<HostUart>().expect("a computer").take()
         });
         let mut deframer = Deframer::new();
@@ -527,7 +600,7 @@ mod tests {
         let situation = Situation { bus: Bus::Can, load: Load::Foreign(Place::Middle) };
         let rig = Stand::new(&Machine::builder, situation.bus).set_up(situation);
         let (winners, axes) = (situation.winners(), situation.bus.axes());
-        let stops = rig.react(Duration::ZERO, &EStop {}, situation.bound(winners), 0..axes);
+        let stops = rig.react(Duration::ZERO, &e_stop(), situation.bound(winners), 0..axes);
         for (k, stop) in (1..=winners).zip(&stops) {
             assert!(
                 stop.is_some_and(|at| at <= situation.bound(k)),

@@ -18,6 +18,7 @@ pub(crate) use together::Together;
 use crate::MAX_AXES_WIRE;
 use crate::axis::{Axis, Is, JobKind, Restart};
 use crate::bus::Bus;
+use crate::gateway::unstopped::Why;
 use crate::gateway::{Gateway, unknown_bus};
 use crate::log::LogEntry;
 use crate::outbox::Ticket;
@@ -241,6 +242,7 @@ impl Gateway {
         // of a silent host.
         if self.authority.is_held_by(link) && !watches {
             self.lose_authority(now);
+            self.finish_stops(now);
         }
         // Its subscription has ended with it.
         self.watch();
@@ -454,7 +456,7 @@ impl Gateway {
                 self.with_axis(now, index, |axis, out| axis.halt(now, out))
             }
             StopTarget::All => {
-                self.stop_those(now, self.axes.which(Is::Configured));
+                self.stop_many(now, self.axes.which(Is::Configured), Why::Asked);
                 Ok(())
             }
         }
@@ -510,7 +512,7 @@ impl Gateway {
         self.draft.close();
         self.stop_running();
         self.close_all_raw(now);
-        self.each_axis(now, |axis, out| axis.disarm(now, out));
+        self.stop_many(now, self.axes.which(Is::Configured), Why::Released);
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Released });
     }
 
@@ -520,13 +522,7 @@ impl Gateway {
         self.draft.close();
         self.stop_running();
         self.close_all_raw(now);
-        self.each_axis(now, |axis, out| {
-            if axis.state() == AxisState::Active {
-                axis.trip(now, TripReason::HostSilent, out);
-            } else {
-                axis.disarm(now, out);
-            }
-        });
+        self.stop_many(now, self.axes.which(Is::Configured), Why::HostSilent);
         self.link_lost = true;
         self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Silence });
     }
