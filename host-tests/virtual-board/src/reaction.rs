@@ -4,6 +4,7 @@
 //! A [`Situation`] is set up once at each speed: a bus with as many armed axes as it takes, sixteen
 //! at most, and a load. Every phase is a branch of that run.
 
+mod computers;
 mod rig;
 mod situation;
 mod stops;
@@ -25,7 +26,8 @@ use host_protocol::requests::{EStop, Stop};
 use crate::board::Board;
 use crate::machine::Builder;
 use crate::measure::{NotMeasurable, SPEEDS};
-use rig::{Cause, Rig, Stand};
+use computers::Cause;
+use rig::{Rig, Stand};
 use situation::{Bus, Load};
 
 /// Phases that a run in CI looks at, at each speed.

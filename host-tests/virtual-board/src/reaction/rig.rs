@@ -4,7 +4,7 @@
 //! so are the motors. What the emulator has translated stays, which takes most of the time of a new
 //! board.
 
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::ops::{ControlFlow, Range};
 use std::rc::Rc;
 use std::time::Duration;
@@ -12,18 +12,19 @@ use std::time::Duration;
 use host_protocol::replies::Pong;
 use host_protocol::requests::{Cycle, Ping};
 use host_protocol::{
-    AxisParameter, Call, CanFrame, ClearTarget, Deframer, FixedU32, GatewayParameter, Kind,
-    MAX_FRAME, Protocol, ProtocolSet, Reply, Setpoint, StateField, StateFields, StopAction,
-    StopTarget, Value, encode,
+    AxisParameter, CanFrame, ClearTarget, FixedU32, GatewayParameter, Kind, Protocol, ProtocolSet,
+    Reply, Setpoint, StateField, StateFields, StopAction, StopTarget, Value,
 };
 use mgw_client::{Client, ClientError};
 use mgw_sim::MotorWiring;
 
-use super::situation::{Bus, Flood, Load, Place, Situation};
+use super::computers::{
+    BITS_PER_BYTE, Cause, SEQUENCE, computer, each_frame, flood, garbage, told,
+};
+use super::situation::{Bus, Load, Place, Situation};
 use super::stops::{self, FirstStops};
 use super::trace;
 use crate::board::{Board, serial_port};
-use crate::host_uart::HostUart;
 use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
 use crate::nodes::{Probe, since_start};
 use crate::outside::Outside;
@@ -51,12 +52,6 @@ const LASTS: Duration = Duration::from_millis(400);
 const SOON: Duration = Duration::from_millis(2);
 /// How long after a bound a stop that is late is still waited for.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// A sequence number that the client has not used lately.
-const SEQUENCE: u16 = 0x7000;
-/// Of a byte on a UART: start, 8 data, stop.
-const BITS_PER_BYTE: u64 = 10;
-const HOST_BITS_PER_SECOND: u32 = 921_600;
-
 /// What the host is told of every axis in each period of a cycle.
 const CYCLE_FIELDS: StateFields =
     StateFields::of(&[StateField::Position, StateField::Velocity, StateField::Current]);
@@ -98,22 +93,7 @@ pub(super) struct Rig {
     build_id: String,
     /// That of all axes.
     epoch: u32,
-}
-
-/// What stops follow from.
-pub(super) struct Cause {
-    /// What a computer sends.
-    bytes: Vec<u8>,
-    from: UartPort,
-    /// From when on the stops are timed, in the machine's time; nothing: from its last bit.
-    since: Option<Duration>,
-}
-
-impl Cause {
-    /// A command on the second host link.
-    pub(super) fn command<C: Call>(command: &C) -> Self {
-        Self { bytes: request(command, SEQUENCE), from: UartPort::Host1, since: None }
-    }
+    gateway_ahead_ns: OnceCell<i128>,
 }
 
 /// A board with what hangs on it, not yet switched on.
@@ -195,7 +175,9 @@ impl Stand {
             }
         }
         let machine = Rc::clone(&self.machine);
-        let mut rig = Rig { situation, machine, begin: Duration::ZERO, build_id, epoch };
+        let begin = Duration::ZERO;
+        let gateway_ahead_ns = OnceCell::new();
+        let mut rig = Rig { situation, machine, begin, build_id, epoch, gateway_ahead_ns };
         match situation.load {
             Load::Own | Load::Cycle | Load::Foreign(Place::BehindAll) | Load::All => {}
             Load::Quiet | Load::Hosts(_) => rig.begin = rig.quiet_spell(),
@@ -264,29 +246,26 @@ impl Rig {
             axes: u32::MAX >> (u32::BITS - u32::from(axes)),
             setpoints: (0..axes).map(|_| MOTION).collect(),
         };
-        Cause { bytes: request(&cycle, SEQUENCE), from: UartPort::Host0, since: Some(since) }
+        Cause::since(since, &cycle)
     }
 
     /// By how much the gateway's clock is ahead of the machine's, at least: it is read when a ping
     /// has come in.
     fn gateway_ahead_ns(&self) -> i128 {
-        let ping = Cause::command(&Ping {});
-        let report = self.branch(Duration::ZERO, &ping, ANSWERED, |part, since| {
-            let host: &mut HostUart =
-                serial_port(part, UartPort::Host1).peer_mut().expect("a computer");
-            let mut deframer = Deframer::new();
-            let mut pong = None;
-            for byte in host.take() {
-                if let Some(Ok(frame)) = deframer.push(byte)
-                    && (frame.kind, frame.sequence) == (Kind::Reply, SEQUENCE)
-                {
-                    pong = Reply::decode(frame.number, frame.body).ok();
-                }
-            }
-            let Some(Reply::Ping(Pong { time_us })) = pong else { panic!("no pong: {pong:?}") };
-            (i128::from(time_us) * 1000 - signed_ns(since)).to_le_bytes().to_vec()
-        });
-        i128::from_le_bytes(report.try_into().expect("one number"))
+        *self.gateway_ahead_ns.get_or_init(|| {
+            let ping = Cause::command(&Ping {});
+            let report = self.branch(Duration::ZERO, &ping, ANSWERED, |part, since| {
+                let mut pong = None;
+                each_frame(&told(part), |frame| {
+                    if (frame.kind, frame.sequence) == (Kind::Reply, SEQUENCE) {
+                        pong = Reply::decode(frame.number, frame.body).ok();
+                    }
+                });
+                let Some(Reply::Ping(Pong { time_us })) = pong else { panic!("no pong: {pong:?}") };
+                (i128::from(time_us) * 1000 - signed_ns(since)).to_le_bytes().to_vec()
+            });
+            i128::from_le_bytes(report.try_into().expect("one number"))
+        })
     }
 
     /// Has `cause` come, so long after the begin of the situation, in a branch of the run. From
@@ -493,49 +472,14 @@ fn rehearse(client: &mut Client<BoardTransport>, situation: Situation) -> Result
     Ok(())
 }
 
-/// So many bytes as a line carries in that time: any, the delimiter among them, and the same in
-/// each run.
-fn garbage(duration: Duration, bits_per_second: u32) -> Vec<u8> {
-    let bits = duration.as_micros() * u128::from(bits_per_second) / 1_000_000;
-    let bytes = usize::try_from(bits / u128::from(BITS_PER_BYTE)).expect("a second or so");
-    let mut random = fastrand::Rng::with_seed(1);
-    std::iter::repeat_with(|| random.u8(..)).take(bytes).collect()
-}
-
-/// What a computer sends in that time, whole frames.
-fn flood(of: Flood, duration: Duration) -> Vec<u8> {
-    let bytes = garbage(duration, HOST_BITS_PER_SECOND);
-    match of {
-        Flood::Garbage => bytes,
-        Flood::Requests => {
-            let ping = |sequence| request(&Ping {}, sequence);
-            let requests = bytes.len().div_ceil(ping(0).len());
-            (0..SEQUENCE).cycle().take(requests).flat_map(ping).collect()
-        }
-    }
-}
-
 fn signed_ns(span: Duration) -> i128 {
     i128::try_from(span.as_nanos()).expect("short")
-}
-
-fn request<C: Call>(command: &C, sequence: u16) -> Vec<u8> {
-    let mut frame = [0; MAX_FRAME];
-    let length = encode(Kind::Request, sequence, C::NUMBER, command, &mut frame).expect("it fits");
-    frame[..length].to_vec()
-}
-
-/// A computer whose line is free.
-fn computer(part: &mut Chip, port: UartPort) -> &mut HostUart {
-    let host: &mut HostUart = serial_port(part, port).peer_mut().expect("a computer");
-    assert_eq!(host.unsent(), 0);
-    host
 }
 
 #[cfg(test)]
 mod tests {
     use host_protocol::requests::EStop;
-    use host_protocol::{Deframer, Event, EventMessage};
+    use host_protocol::{Event, EventMessage};
 
     use virtual_stm32::fdcan::Sender;
 
@@ -549,9 +493,10 @@ mod tests {
     /// Under the load of the others' frames there is no pause in which a stop could go unnoticed.
     #[test]
     fn a_load_is_one() {
+        let mut stand = Stand::new(&Machine::builder, Bus::Can);
         for load in [Load::Own, Load::Cycle, Load::Foreign(Place::BehindAll)] {
             let situation = Situation { bus: Bus::Can, load };
-            let rig = Stand::new(&Machine::builder, situation.bus).set_up(situation);
+            let rig = stand.set_up(situation);
             let stops = rig.react(Duration::ZERO, &e_stop(), situation.bound(16), 0..16);
             assert!(stops.iter().all(Option::is_some), "{stops:?}");
             assert_eq!(
@@ -575,21 +520,15 @@ mod tests {
 
     /// What the gateway tells the second host of an e-stop, and of its stops as the bus carries
     /// them.
-    fn told(rig: &Rig, within: Duration) -> Vec<Event> {
-        let bytes = rig.branch(Duration::ZERO, &e_stop(), within, |part, _| {
-            serial_port(part, UartPort::Host1).peer_mut::<HostUart>().expect("a computer").take()
-        });
-        let mut deframer = Deframer::new();
+    fn events_told(rig: &Rig, within: Duration) -> Vec<Event> {
+        let bytes = rig.branch(Duration::ZERO, &e_stop(), within, |part, _| told(part));
         let mut events = Vec::new();
-        for byte in bytes {
-            if let Some(Ok(frame)) = deframer.push(byte)
-                && frame.kind == Kind::Event
-            {
-                let message =
-                    EventMessage::decode(frame.number, frame.body).expect("an event of the table");
-                events.push(message.event);
+        each_frame(&bytes, |frame| {
+            if frame.kind == Kind::Event {
+                let message = EventMessage::decode(frame.number, frame.body);
+                events.push(message.expect("an event of the table").event);
             }
-        }
+        });
         events
     }
 
@@ -611,7 +550,7 @@ mod tests {
             stops[usize::from(winners)..].iter().all(Option::is_none),
             "{situation}: {stops:?}"
         );
-        let events = told(&rig, situation.bound(axes) + PATIENCE * 2);
+        let events = events_told(&rig, situation.bound(axes) + PATIENCE * 2);
         let named =
             |name: fn(&Event) -> Option<u8>| events.iter().filter_map(name).collect::<Vec<_>>();
         let unsent = named(|event| match event {
