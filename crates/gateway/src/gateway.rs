@@ -1,5 +1,6 @@
 //! The gateway as one object: events in, frames out.
 
+mod deadlines;
 mod image;
 mod names;
 mod pins;
@@ -23,7 +24,7 @@ use crate::outbox::{Outbox, Ticket};
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
 use crate::set::Set;
 use crate::time::Instant;
-use crate::{MAX_AXES_WIRE, MAX_BUSES, MAX_LINKS_WIRE};
+use crate::{MAX_AXES_WIRE, MAX_BUSES};
 use heapless::Vec;
 use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request};
 use image::Image;
@@ -32,7 +33,7 @@ use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
 use serde::{Deserialize, Serialize};
 use stored::Stored;
-use unstopped::{Unstopped, Why};
+use unstopped::Unstopped;
 
 /// A gateway: everything between the host links and the buses of one board.
 #[derive(Clone, Serialize, Deserialize)]
@@ -156,9 +157,9 @@ impl Gateway {
     /// [next deadline](Self::next_deadline).
     pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) -> Changes {
         let now = now.max(self.now);
-        let before = core::mem::replace(&mut self.now, now);
+        self.now = now;
         self.remember_trips();
-        self.finish_stops(before);
+        self.go_on_stops(&event);
         self.supervise(now);
         match event {
             Event::HostBytes { link, mut bytes } => {
@@ -393,95 +394,6 @@ impl Gateway {
             && self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
     }
 
-    /// When `handle` must be called with [`Event::Tick`] if nothing else happens before: asked when
-    /// what follows from an event has been sent, as it takes longer to find than that.
-    pub fn next_deadline(&mut self) -> Option<Instant> {
-        if !self.unstopped.is_empty() {
-            return Some(self.now);
-        }
-        self.settle(self.now);
-        for bus in self.touched_buses.take() {
-            if let Some(bus) = self.buses.get_mut(bus) {
-                bus.settle(self.now, &self.axes);
-            }
-        }
-        if cfg!(debug_assertions) {
-            self.buses.iter().for_each(|bus| bus.assert_due(self.now, &self.axes));
-        }
-        let mut next = self.axes.first_due().min(self.links.due());
-        for bus in &self.buses {
-            next = next.min(bus.due());
-        }
-        let together = self.together.as_ref().and_then(Together::deadline);
-        let running = self.running.as_ref().map(Running::deadline);
-        let restart = self.image.deadline().filter(|_| !self.stored.is_saving());
-        let mut consider = |at: Option<Instant>| next = at.map_or(next, |at| next.min(at));
-        consider(self.authority.deadline());
-        consider(together);
-        consider(running);
-        consider(restart);
-        (next < Instant::NEVER).then_some(next)
-    }
-
-    /// Everything that time alone brings about.
-    fn supervise(&mut self, now: Instant) {
-        if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
-            self.lose_authority(now);
-        }
-        if self.links.due() <= now {
-            self.tick_links(now);
-        }
-        self.tick_running(now);
-        self.settle(now);
-        let due = self.axes.due(now);
-        if !due.is_empty() {
-            self.expire_axes(now, due);
-        }
-        // What of these is due may not have been worked out yet.
-        let unwatched = self.unwatched_buses.take();
-        let mut due = self.touched_buses;
-        let Self { buses, axes, links, .. } = self;
-        let mut out = Outbox::new(now, links);
-        for (index, bus) in buses.iter_mut().enumerate() {
-            let is_due = due.has(index) || bus.due() <= now;
-            let may_act = is_due || unwatched.has(index) && bus.may_expire(now);
-            let has_acted = may_act && bus.expire(now, axes, &mut out);
-            due.put(Set::of(index), is_due || has_acted);
-        }
-        self.touched_buses.add(due);
-        self.changed_buses.add(due);
-        self.settle(now);
-    }
-
-    /// What time has brought to these axes; those that stop have it when they are reached.
-    fn expire_axes(&mut self, now: Instant, due: Set) {
-        if due.len() > 1 && self.unstopped.is_empty() {
-            let expired = self.axes.those(due, |axis| axis.has_expired(now));
-            if expired.len() > 1 {
-                self.stop_many(now, expired, Why::Expired);
-            }
-        }
-        let mut out = Outbox::new(now, &mut self.links);
-        let due = due.without(self.unstopped.axes());
-        self.axes.each(due, |axis| axis.expire(now, &mut out));
-        self.settle(now);
-    }
-
-    /// Begins the periods of subscriptions that are due.
-    fn tick_links(&mut self, now: Instant) {
-        for link in 0..MAX_LINKS_WIRE {
-            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
-            if port.deadline().is_none_or(|at| at > now.as_micros()) {
-                continue;
-            }
-            let has_lapsed = port.tick(now.as_micros());
-            self.links.touch(link);
-            if has_lapsed {
-                self.watch();
-            }
-        }
-    }
-
     /// Has the axes polled that a host has subscribed to.
     pub(crate) fn watch(&mut self) {
         let Self { axes, links, .. } = self;
@@ -516,7 +428,7 @@ impl Gateway {
         }
         let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
         if let Some(slot) = slot {
-            self.finish_stops(now);
+            self.finish_stops();
             self.execute(now, Ticket { link, watches, slot }, &request);
         }
     }

@@ -91,6 +91,12 @@ impl Set {
         self.0 ^= others.0;
     }
 
+    /// Of its members the one with the lowest number.
+    #[must_use]
+    pub(crate) const fn lowest(self) -> Self {
+        Self(self.0 & self.0.wrapping_neg())
+    }
+
     /// Their numbers, as they stand on the wire.
     pub(crate) fn numbers(self) -> impl Iterator<Item = u8> {
         self.into_iter().filter_map(|index| u8::try_from(index).ok())

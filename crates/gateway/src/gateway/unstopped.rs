@@ -3,17 +3,18 @@
 //!
 //! Sixteen axes take the core longer than a frame takes the bus. So the event only notes whom it
 //! has still to reach, and why; that is stored. Who then polls a bus has the axis stopped there
-//! whose stop can go first. All others are due at once: the next event, a tick where nothing else
-//! comes, begins with them, and no request is executed before.
+//! whose stop can go first. All others are due at once: each tick reaches one of them, and no
+//! request is executed before.
 
 use crate::axis::{Axis, Is};
 use crate::gateway::Gateway;
 use crate::gateway::requests::ready_bus;
 use crate::outbox::Outbox;
+use crate::port::Event;
 use crate::protocol;
 use crate::set::Set;
 use crate::time::Instant;
-use host_protocol::{AxisState, Error, Event, TripReason};
+use host_protocol::{AxisState, Error, TripReason};
 use serde::{Deserialize, Serialize};
 
 /// The axes that the latest event stops and has still to reach.
@@ -21,6 +22,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Unstopped {
     axes: Set,
     why: Why,
+    since: Instant,
 }
 
 /// Why many axes stop.
@@ -41,7 +43,8 @@ pub(crate) enum Why {
 }
 
 impl Unstopped {
-    pub const NONE: Self = Self { axes: Set::NONE, why: Why::EStop };
+    pub const NONE: Self =
+        Self { axes: Set::NONE, why: Why::EStop, since: Instant::from_micros(0) };
 
     pub fn is_empty(self) -> bool {
         self.axes.is_empty()
@@ -49,6 +52,11 @@ impl Unstopped {
 
     pub fn axes(self) -> Set {
         self.axes
+    }
+
+    /// When they are due.
+    pub fn since(self) -> Option<Instant> {
+        (!self.axes.is_empty()).then_some(self.since)
     }
 }
 
@@ -58,14 +66,14 @@ impl Gateway {
         self.stop_many(now, self.axes.which(Is::Configured), Why::EStop);
         if !self.e_stopped {
             self.e_stopped = true;
-            self.outbox(now).event(&Event::EStopLatched {});
+            self.outbox(now).event(&host_protocol::Event::EStopLatched {});
         }
     }
 
     /// Has these axes stop. What was to be stopped before is reached first.
     pub(crate) fn stop_many(&mut self, now: Instant, axes: Set, why: Why) {
-        self.finish_stops(now);
-        self.unstopped = Unstopped { axes, why };
+        self.finish_stops();
+        self.unstopped = Unstopped { axes, why, since: now };
         for bus in (0u8..).take(self.buses.len()) {
             if !self.axes.on(bus).and(axes).is_empty() {
                 self.touch_buses(Set::of(bus));
@@ -89,22 +97,46 @@ impl Gateway {
             let waits = |axis: &Axis| axis.transactions.has_with_port(|_| true);
             let first = here.min_by_key(|axis| (waits(axis), protocol::stop_id(&axis.config)));
             let Some(axis) = first else { return };
-            self.reach(Set::of(axis.index), self.now);
+            self.reach(Set::of(axis.index));
         }
     }
 
-    /// Reaches all others, of an event that came at `at`.
+    /// Goes on before an event is taken in: what buses do is as if it had come before, but ends no
+    /// arming; a tick reaches one axis more, and all else waits for all.
     #[inline(always)]
-    pub(crate) fn finish_stops(&mut self, at: Instant) {
+    pub(crate) fn go_on_stops(&mut self, event: &Event<'_>) {
+        if self.unstopped.is_empty() {
+            return;
+        }
+        match event {
+            Event::CanReceived { .. }
+            | Event::SerialReceived { .. }
+            | Event::Transmitted { .. }
+            | Event::Cancelled { .. }
+            | Event::HostBytes { .. } => {
+                let is_arming = |axis: &Axis| axis.state() == AxisState::Arming;
+                let arming = self.axes.those(self.unstopped.axes, is_arming);
+                if !arming.is_empty() {
+                    self.reach(arming);
+                }
+            }
+            Event::Tick => self.reach(self.unstopped.axes.lowest()),
+            _ => self.finish_stops(),
+        }
+    }
+
+    /// Reaches all others.
+    #[inline(always)]
+    pub(crate) fn finish_stops(&mut self) {
         if !self.unstopped.is_empty() {
-            self.reach(self.unstopped.axes, at);
+            self.reach(self.unstopped.axes);
         }
     }
 
     #[inline(never)]
-    fn reach(&mut self, axes: Set, at: Instant) {
+    fn reach(&mut self, axes: Set) {
         self.unstopped.axes.put(axes, false);
-        let why = self.unstopped.why;
+        let Unstopped { why, since: at, .. } = self.unstopped;
         let mut out = Outbox::new(at, &mut self.links);
         self.axes.each(axes, |axis| match why {
             Why::EStop => axis.trip(at, TripReason::EStop, &mut out),

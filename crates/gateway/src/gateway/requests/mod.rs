@@ -242,7 +242,7 @@ impl Gateway {
         // of a silent host.
         if self.authority.is_held_by(link) && !watches {
             self.lose_authority(now);
-            self.finish_stops(now);
+            self.finish_stops();
         }
         // Its subscription has ended with it.
         self.watch();

@@ -1,0 +1,101 @@
+//! What time alone brings about, and when it does.
+
+use crate::MAX_LINKS_WIRE;
+use crate::gateway::Gateway;
+use crate::gateway::requests::{Running, Together};
+use crate::gateway::unstopped::Why;
+use crate::outbox::Outbox;
+use crate::set::Set;
+use crate::time::Instant;
+
+impl Gateway {
+    /// When [`handle`](Self::handle) must be called with [`Event::Tick`](crate::Event::Tick) if
+    /// nothing else happens before: asked when what follows from an event has been sent, as it
+    /// takes longer to find than that.
+    pub fn next_deadline(&mut self) -> Option<Instant> {
+        if let Some(since) = self.unstopped.since() {
+            return Some(since);
+        }
+        self.settle(self.now);
+        for bus in self.touched_buses.take() {
+            if let Some(bus) = self.buses.get_mut(bus) {
+                bus.settle(self.now, &self.axes);
+            }
+        }
+        if cfg!(debug_assertions) {
+            self.buses.iter().for_each(|bus| bus.assert_due(self.now, &self.axes));
+        }
+        let mut next = self.axes.first_due().min(self.links.due());
+        for bus in &self.buses {
+            next = next.min(bus.due());
+        }
+        let together = self.together.as_ref().and_then(Together::deadline);
+        let running = self.running.as_ref().map(Running::deadline);
+        let restart = self.image.deadline().filter(|_| !self.stored.is_saving());
+        let mut consider = |at: Option<Instant>| next = at.map_or(next, |at| next.min(at));
+        consider(self.authority.deadline());
+        consider(together);
+        consider(running);
+        consider(restart);
+        (next < Instant::NEVER).then_some(next)
+    }
+
+    /// Everything that time alone brings about.
+    pub(super) fn supervise(&mut self, now: Instant) {
+        if self.authority.deadline().is_some_and(|deadline| deadline <= now) {
+            self.lose_authority(now);
+        }
+        if self.links.due() <= now {
+            self.tick_links(now);
+        }
+        self.tick_running(now);
+        self.settle(now);
+        let due = self.axes.due(now);
+        if !due.is_empty() {
+            self.expire_axes(now, due);
+        }
+        // What of these is due may not have been worked out yet.
+        let unwatched = self.unwatched_buses.take();
+        let mut due = self.touched_buses;
+        let Self { buses, axes, links, .. } = self;
+        let mut out = Outbox::new(now, links);
+        for (index, bus) in buses.iter_mut().enumerate() {
+            let is_due = due.has(index) || bus.due() <= now;
+            let may_act = is_due || unwatched.has(index) && bus.may_expire(now);
+            let has_acted = may_act && bus.expire(now, axes, &mut out);
+            due.put(Set::of(index), is_due || has_acted);
+        }
+        self.touched_buses.add(due);
+        self.changed_buses.add(due);
+        self.settle(now);
+    }
+
+    /// What time has brought to these axes; those that stop have it when they are reached.
+    fn expire_axes(&mut self, now: Instant, due: Set) {
+        if due.len() > 1 && self.unstopped.is_empty() {
+            let expired = self.axes.those(due, |axis| axis.has_expired(now));
+            if expired.len() > 1 {
+                self.stop_many(now, expired, Why::Expired);
+            }
+        }
+        let mut out = Outbox::new(now, &mut self.links);
+        let due = due.without(self.unstopped.axes());
+        self.axes.each(due, |axis| axis.expire(now, &mut out));
+        self.settle(now);
+    }
+
+    /// Begins the periods of subscriptions that are due.
+    fn tick_links(&mut self, now: Instant) {
+        for link in 0..MAX_LINKS_WIRE {
+            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+            if port.deadline().is_none_or(|at| at > now.as_micros()) {
+                continue;
+            }
+            let has_lapsed = port.tick(now.as_micros());
+            self.links.touch(link);
+            if has_lapsed {
+                self.watch();
+            }
+        }
+    }
+}
