@@ -4,7 +4,8 @@ use crate::bench::{self, VELOCITY, arm_axis, axis_setpoint};
 use crate::rig::Rig;
 use gateway::{Event, Outgoing, Set};
 use host_protocol::{
-    AxisState, Error, Incident, MAX_FRAME, Protocol, Request, StopAction, TripReason, requests,
+    AxisState, Error, Event as HostEvent, Incident, MAX_FRAME, Protocol, Request, StopAction,
+    TripReason, requests,
 };
 
 /// Three armed axes on bus 0 and one at rest, two armed ones on bus 1.
@@ -64,6 +65,44 @@ fn the_first_stop_of_each_bus_goes_before_the_e_stop_reaches_the_others() {
         assert_eq!((trip.reason, trip.time_us), (TripReason::EStop, at.as_micros()), "axis {axis}");
     }
     assert_eq!(rig.gateway.moving(), set(&[3]));
+}
+
+/// Where no tick comes for a while the reports of a bus lead from stop to stop.
+#[test]
+fn what_a_bus_reports_is_followed_by_its_next_stop() {
+    let (mut rig, _) = six();
+    let since = rig.now_us;
+    rig.handle(Event::EStopInput { open: true });
+    rig.run_without_ticks(2_000);
+    let ids = |bus| rig.sent_since(bus, since).iter().map(|text| &text[..6]).collect::<Vec<_>>();
+    assert_eq!(ids(0)[..4], ["141#81", "142#81", "143#81", "144#81"]);
+    assert_eq!(ids(1)[..2], ["141#81", "142#81"]);
+    assert_eq!(rig.gateway.tripped(), set(&ARMED));
+}
+
+/// Whenever the e-stop comes between two steps of an arming, and however late the next tick is.
+#[test]
+fn an_e_stop_ends_an_arming_before_its_next_reply() {
+    let arm = Request::Arm(requests::Arm { axis: 3 });
+    let is_armed = |rig: &Rig| {
+        rig.events().contains(&&HostEvent::StateChanged { axis: 3, state: AxisState::Armed })
+    };
+    let mut ended = 0;
+    for after in (0..).step_by(40) {
+        let (mut rig, _) = six();
+        let sequence = rig.send(&arm);
+        rig.run(after);
+        if rig.answer(sequence).is_some() {
+            break;
+        }
+        rig.take_in(Event::EStopInput { open: true });
+        rig.run_without_ticks(5_000);
+        assert!(!is_armed(&rig), "{after} µs");
+        rig.run(5_000);
+        assert!(rig.answer(sequence).is_some_and(|answer| answer.is_err()), "{after} µs");
+        ended += 1;
+    }
+    assert!(ended > 10, "{ended}");
 }
 
 #[test]
