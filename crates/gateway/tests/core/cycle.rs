@@ -2,6 +2,7 @@
 
 use crate::bench::{self, VELOCITY, arm_axis, expiry, listed, run_with_host};
 use crate::rig::{Instead, Rig};
+use gateway::{Event, Set};
 use host_protocol::{
     AxisParameter, AxisState, CycleResult, CycleState, Error, FixedU32, Reply, Request, Setpoint,
     StateField, StateFields, StopTarget, TripReason, Value, replies, requests,
@@ -295,4 +296,24 @@ fn a_cycle_on_a_cut_bus_has_an_end() {
     let unsent =
         |result: &CycleResult| matches!(result, CycleResult::NoReply | CycleResult::Stopped);
     assert!(told.iter().all(unsent), "{told:?}");
+}
+
+#[test]
+fn setpoints_that_expire_together_stop_one_axis_of_a_bus_first_and_all_at_their_time() {
+    let (mut rig, epoch) = three();
+    let request = cycle(&rig, epoch);
+    rig.send(&request);
+    rig.run(LIVES_US - 1);
+    assert_eq!(rig.gateway.moving().len(), 3);
+    rig.now_us += 1;
+    let at = rig.now_us;
+    rig.handle(Event::Tick);
+    assert_eq!(rig.gateway.tripped(), Set::of(0u8));
+    rig.run_without_ticks(1_000);
+    let trips = rig.gateway.trips(rig.gateway.tripped());
+    let trips = trips.map(|(axis, trip)| (axis, trip.reason, trip.time_us)).collect::<Vec<_>>();
+    assert_eq!(trips, [0, 1, 2].map(|axis| (axis, TripReason::SetpointExpired, at)));
+    let sent = rig.sent_since(0, at);
+    assert_eq!(sent[..3], [1, 2, 3].map(|node| format!("14{node}#8100000000000000")));
+    assert!(sent.iter().all(|text| !text.contains("#A2")), "{sent:?}");
 }
