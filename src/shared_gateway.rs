@@ -331,10 +331,10 @@ impl SharedGateway {
     #[inline(never)]
     pub fn poll_transmit(&self, bus: u8) -> Option<Transmit> {
         self.with(|parts, now| {
-            let transmit = parts.core.poll_transmit(now, bus)?;
+            let transmit = parts.core.poll_transmit(now, bus);
             let changes = parts.core.take_changes();
             self.hand_out(parts, now, changes);
-            Some(transmit)
+            transmit
         })
     }
 

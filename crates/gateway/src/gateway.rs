@@ -210,7 +210,7 @@ impl Gateway {
             Event::Tick => {}
         }
         self.settle(now);
-        self.spread_trips(now);
+        self.spread_trips();
         if self.unstopped.is_empty() {
             self.go_on_together(now);
             self.go_on_arming(now);

@@ -13,10 +13,11 @@ impl Gateway {
     /// nothing else happens before: asked when what follows from an event has been sent, as it
     /// takes longer to find than that.
     pub fn next_deadline(&mut self) -> Option<Instant> {
+        self.settle(self.now);
+        self.spread_trips();
         if let Some(since) = self.unstopped.since() {
             return Some(since);
         }
-        self.settle(self.now);
         for bus in self.touched_buses.take() {
             if let Some(bus) = self.buses.get_mut(bus) {
                 bus.settle(self.now, &self.axes);

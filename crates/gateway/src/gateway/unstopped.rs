@@ -17,12 +17,16 @@ use crate::time::Instant;
 use host_protocol::{AxisState, Error, TripReason};
 use serde::{Deserialize, Serialize};
 
-/// The axes that the latest event stops and has still to reach.
+/// The axes that must stop and have still to be reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Unstopped {
+    /// By the latest event.
     axes: Set,
     why: Why,
     since: Instant,
+    /// By trips in their groups, and whose trips these are.
+    grouped: Set,
+    origins: Set,
 }
 
 /// Why many axes stop.
@@ -38,25 +42,28 @@ pub(crate) enum Why {
     Released,
     /// Their setpoints expire together.
     Expired,
-    /// This axis of their group has tripped.
-    Group { axis: u8 },
 }
 
 impl Unstopped {
-    pub const NONE: Self =
-        Self { axes: Set::NONE, why: Why::EStop, since: Instant::from_micros(0) };
+    pub const NONE: Self = Self {
+        axes: Set::NONE,
+        why: Why::EStop,
+        since: Instant::from_micros(0),
+        grouped: Set::NONE,
+        origins: Set::NONE,
+    };
 
     pub fn is_empty(self) -> bool {
-        self.axes.is_empty()
+        self.axes().is_empty()
     }
 
     pub fn axes(self) -> Set {
-        self.axes
+        self.axes.with(self.grouped)
     }
 
     /// When they are due.
     pub fn since(self) -> Option<Instant> {
-        (!self.axes.is_empty()).then_some(self.since)
+        (!self.is_empty()).then_some(self.since)
     }
 }
 
@@ -73,7 +80,38 @@ impl Gateway {
     /// Has these axes stop. What was to be stopped before is reached first.
     pub(crate) fn stop_many(&mut self, now: Instant, axes: Set, why: Why) {
         self.finish_stops();
-        self.unstopped = Unstopped { axes, why, since: now };
+        self.unstopped = Unstopped { axes, why, since: now, ..Unstopped::NONE };
+        self.touch_buses_of(axes);
+    }
+
+    /// Has the others of their groups stop where axes have tripped.
+    #[inline(always)]
+    pub(crate) fn spread_trips(&mut self) {
+        let origins = self.axes.which(Is::Spreading);
+        if !origins.is_empty() {
+            self.spread(origins);
+        }
+    }
+
+    #[inline(never)]
+    fn spread(&mut self, origins: Set) {
+        if self.unstopped.is_empty() {
+            self.unstopped = Unstopped { since: self.now, ..Unstopped::NONE };
+        }
+        for origin in origins {
+            let Some(axis) = self.axes.get_mut(origin) else { continue };
+            let Some(group) = axis.take_spreading_trip() else { continue };
+            let is_other =
+                |axis: &Axis| axis.trip_group() == Some(group) && usize::from(axis.index) != origin;
+            let others = self.axes.those(self.axes.which(Is::Configured), is_other);
+            self.unstopped.origins.add(Set::of(origin));
+            self.unstopped.grouped.add(others);
+            self.touch_buses_of(others);
+        }
+        self.settle(self.now);
+    }
+
+    fn touch_buses_of(&mut self, axes: Set) {
         for bus in (0u8..).take(self.buses.len()) {
             if !self.axes.on(bus).and(axes).is_empty() {
                 self.touch_buses(Set::of(bus));
@@ -85,6 +123,7 @@ impl Gateway {
     /// frame the port still has waits for that.
     #[inline(always)]
     pub(crate) fn begin_stops(&mut self, bus: u8) {
+        self.spread_trips();
         if !self.unstopped.is_empty() {
             self.reach_first(bus);
         }
@@ -93,7 +132,7 @@ impl Gateway {
     #[inline(never)]
     fn reach_first(&mut self, bus: u8) {
         while self.axes.which_on(Is::FirstStop, bus).is_empty() {
-            let here = self.axes.of(self.unstopped.axes.and(self.axes.on(bus)));
+            let here = self.axes.of(self.unstopped.axes().and(self.axes.on(bus)));
             let waits = |axis: &Axis| axis.transactions.has_with_port(|_| true);
             let first = here.min_by_key(|axis| (waits(axis), protocol::stop_id(&axis.config)));
             let Some(axis) = first else { return };
@@ -115,28 +154,32 @@ impl Gateway {
             | Event::Cancelled { .. }
             | Event::HostBytes { .. } => {
                 let is_arming = |axis: &Axis| axis.state() == AxisState::Arming;
-                let arming = self.axes.those(self.unstopped.axes, is_arming);
+                let arming = self.axes.those(self.unstopped.axes(), is_arming);
                 if !arming.is_empty() {
                     self.reach(arming);
                 }
             }
-            Event::Tick => self.reach(self.unstopped.axes.lowest()),
+            Event::Tick => self.reach(self.unstopped.axes().lowest()),
             _ => self.finish_stops(),
         }
     }
 
-    /// Reaches all others.
+    /// Reaches all others, and the groups of those that trip.
     #[inline(always)]
     pub(crate) fn finish_stops(&mut self) {
-        if !self.unstopped.is_empty() {
-            self.reach(self.unstopped.axes);
+        self.spread_trips();
+        while !self.unstopped.is_empty() {
+            self.reach(self.unstopped.axes());
         }
     }
 
     #[inline(never)]
     fn reach(&mut self, axes: Set) {
+        let Unstopped { why, since: at, grouped, .. } = self.unstopped;
+        let grouped = grouped.and(axes);
+        let axes = self.unstopped.axes.and(axes);
         self.unstopped.axes.put(axes, false);
-        let Unstopped { why, since: at, .. } = self.unstopped;
+        self.unstopped.grouped.put(grouped, false);
         let mut out = Outbox::new(at, &mut self.links);
         self.axes.each(axes, |axis| match why {
             Why::EStop => axis.trip(at, TripReason::EStop, &mut out),
@@ -146,16 +189,27 @@ impl Gateway {
             }
             Why::HostSilent | Why::Released => axis.disarm(at, &mut out),
             Why::Expired => axis.expire(at, &mut out),
-            Why::Group { axis: origin } => {
-                axis.trip(at, TripReason::Group { axis: origin }, &mut out);
-                axis.take_spreading_trip();
-            }
         });
         if matches!(why, Why::EStop | Why::Asked) {
             self.halt_those(at, axes);
         }
+        for axis in grouped {
+            self.trip_with_group(axis);
+        }
         self.retention.has_tripped();
         self.settle(self.now);
+        self.spread_trips();
+    }
+
+    /// An axis trips as another one of its group has.
+    fn trip_with_group(&mut self, index: usize) {
+        let Self { axes, links, unstopped, .. } = self;
+        let group = axes.get(index).and_then(Axis::trip_group);
+        let origin = axes.of(unstopped.origins).find(|origin| origin.trip_group() == group);
+        let Some(axis) = origin.map(|origin| origin.index) else { return };
+        let Some(other) = axes.get_mut(index) else { return };
+        other.trip(self.now, TripReason::Group { axis }, &mut Outbox::new(self.now, links));
+        other.take_spreading_trip();
     }
 
     fn halt_those(&mut self, now: Instant, those: Set) {
@@ -171,19 +225,5 @@ impl Gateway {
                 axis.halt(now, &mut out);
             }
         });
-    }
-
-    /// One axis of a trip group has tripped: the others do.
-    pub(crate) fn spread_trips(&mut self, now: Instant) {
-        while self.unstopped.is_empty()
-            && let Some(axis) = self.axes.which(Is::Spreading).into_iter().next()
-        {
-            let Some(axis) = self.axes.get_mut(axis) else { return };
-            let (origin, Some(group)) = (axis.index, axis.take_spreading_trip()) else { continue };
-            self.settle(now);
-            let is_other = |axis: &Axis| axis.index != origin && axis.trip_group() == Some(group);
-            let others = self.axes.those(self.axes.which(Is::Configured), is_other);
-            self.stop_many(now, others, Why::Group { axis: origin });
-        }
     }
 }

@@ -78,9 +78,10 @@ fn version(dialect: u32, command: &str, data: &str) -> String {
 pub fn rmd_serial(play: Shared) -> impl FnMut(u64, u8, &str) -> Option<String> {
     let mut motor = rmd(play);
     move |now, bus, text| {
-        let data = text.strip_prefix("3E0108")?.get(..16)?;
-        let reply = motor(now, bus, &format!("141#{data}"))?;
-        let mut frame = unhex(&format!("3E0108{}", reply.strip_prefix("241#")?));
+        let (node, data) = text.strip_prefix("3E")?.get(..20)?.split_once("08")?;
+        let id = 0x140 + u16::from_str_radix(node, 16).ok()?;
+        let reply = motor(now, bus, &format!("{id:03X}#{data}"))?;
+        let mut frame = unhex(&format!("3E{node}08{}", reply.split_once('#')?.1));
         frame.extend(crc16_modbus(&frame).to_le_bytes());
         Some(hex(&frame))
     }

@@ -446,6 +446,7 @@ impl Rig {
     /// that are on the wire go on.
     fn give_back(&mut self) {
         for bus in 0..3 {
+            self.note_named();
             while let Some(slot) = self.gateway.poll_cancel(self.now(), bus) {
                 self.assert_named(bus);
                 let held = self.held.len();
@@ -457,6 +458,11 @@ impl Rig {
         }
     }
 
+    /// A poll of one bus may name others.
+    fn note_named(&mut self) {
+        self.named = self.named.with(self.gateway.take_changes().buses);
+    }
+
     /// Who polls only the buses that the core names misses nothing.
     fn assert_named(&self, bus: u8) {
         assert!(self.named.has(bus), "{} µs: bus {bus} has a frame and was not named", self.now_us);
@@ -465,6 +471,7 @@ impl Rig {
     fn drain(&mut self) {
         self.give_back();
         for bus in 0..3 {
+            self.note_named();
             while let Some(Transmit { slot, frame }) = self.gateway.poll_transmit(self.now(), bus) {
                 self.assert_named(bus);
                 let text = match frame {

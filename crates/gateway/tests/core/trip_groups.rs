@@ -1,9 +1,12 @@
 //! Axes that share a trip group: one trips, all do.
 
 use crate::bench::{self, VELOCITY, arm_axis, keep_moving, listed, run_with_host};
+use crate::motors::{self, Shared};
 use crate::rig::{Instead, Rig};
+use gateway::{Event as GatewayEvent, Set};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event, Request, TripReason, Value, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event, Protocol, Request, StopAction, TripReason,
+    Value, requests,
 };
 
 /// Three axes, of which 0 and 2 belong together.
@@ -76,4 +79,71 @@ fn a_fault_found_while_arming_does_not_reach_the_group_and_a_trip_does_reach_who
     run_with_host(&mut rig, 100_000);
     assert_eq!(trips(&rig), []);
     assert_eq!(listed(&mut rig, 0), AxisState::Armed);
+}
+
+/// Axes 0 and 1 on CAN bus 0, 2 on CAN bus 1 and 3 on RS485, in these groups.
+fn on_three_buses(groups: [u32; 4]) -> Rig {
+    let mut rig = bench::rmd_axes(2);
+    let mut serial = motors::rmd_serial(Shared::default());
+    let mut can = std::mem::replace(&mut rig.motor, Box::new(|_, _, _| None));
+    rig.motor = Box::new(
+        move |now, bus, text| {
+            if bus == 2 { serial(now, bus, text) } else { can(now, bus, text) }
+        },
+    );
+    bench::configure_bus(&mut rig, 2, 2_000_000, &[Protocol::Rmd]);
+    bench::configure_bus(&mut rig, 1, 1_000_000, &[Protocol::Rmd]);
+    for (axis, bus) in [(2, 1), (3, 2)] {
+        bench::configure_axis(&mut rig, axis, bus, Protocol::Rmd, 1, StopAction::Hold);
+    }
+    for (axis, group) in (0..).zip(groups) {
+        bench::parameter(&mut rig, axis, AxisParameter::TripGroup, Value::Unsigned(group));
+    }
+    rig
+}
+
+fn arm_all(rig: &mut Rig) -> [(u8, u32); 4] {
+    [0, 1, 2, 3].map(|axis| (axis, arm_axis(rig, axis)))
+}
+
+/// Who is stopped in a poll has a group, too.
+#[test]
+fn the_group_is_due_at_once_where_polls_have_stopped_all_whose_setpoints_expired() {
+    let mut rig = on_three_buses([7; 4]);
+    let axes = arm_all(&mut rig);
+    keep_moving(&mut rig, &axes, VELOCITY, 30_000);
+    let at = rig.now_us + 30_000;
+    for (axis, epoch) in axes {
+        let us = if axis == 0 || axis == 3 { 30_000 } else { 60_000 };
+        let request = bench::axis_setpoint(&rig, axis, epoch, us, VELOCITY);
+        rig.send(&request);
+    }
+    rig.run(29_999);
+    assert_eq!(rig.gateway.tripped(), Set::NONE);
+    rig.now_us = at;
+    rig.handle(GatewayEvent::Tick);
+    assert!(rig.gateway.tripped().has(0u8));
+    while rig.gateway.tripped().len() < 4 {
+        assert!(rig.gateway.next_deadline().is_some_and(|due| due.as_micros() <= at));
+        rig.handle(GatewayEvent::Tick);
+    }
+}
+
+/// One event trips axes of two groups: nobody of either is sent motion any more.
+#[test]
+fn trips_of_several_groups_reach_all_of_them_before_the_next_frame() {
+    for after in (0..4_000).step_by(50) {
+        let mut rig = on_three_buses([7, 8, 7, 8]);
+        bench::parameter(&mut rig, 3, AxisParameter::RefreshUs, Value::Unsigned(2_000));
+        let axes = arm_all(&mut rig);
+        keep_moving(&mut rig, &axes, VELOCITY, 20_000 + after);
+        // The tick of what is due is late.
+        rig.run_without_ticks(60);
+        let since = rig.wire.len();
+        rig.bus_off(0);
+        rig.run(2_000);
+        let motion = |(_, bus, text): &&(u64, u8, String)| *bus == 2 && text[6..].starts_with("A2");
+        assert_eq!(rig.wire[since..].iter().find(motion), None, "{after} µs");
+        assert_eq!(rig.gateway.tripped().len(), 4);
+    }
 }
