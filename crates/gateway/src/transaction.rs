@@ -179,7 +179,12 @@ impl Transactions {
 
     /// The port has a frame of this exchange.
     pub fn has_with_port(&self, is: impl Fn(Exchange) -> bool) -> bool {
-        self.current.as_ref().is_some_and(|c| c.is_with_port() && is(c.exchange))
+        self.with_port().is_some_and(is)
+    }
+
+    /// The request under way, while its frame has not left.
+    pub fn with_port(&self) -> Option<Exchange> {
+        self.current.as_ref().filter(|c| c.is_with_port()).map(|c| c.exchange)
     }
 
     /// Whether the reply to the request under way may come.

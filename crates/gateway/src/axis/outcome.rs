@@ -139,7 +139,11 @@ impl Axis {
     /// Forgets what is under way, for a bus that starts anew.
     pub fn forget_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
         self.transactions.forget_former();
+        let not_left = self.transactions.with_port().filter(|exchange| exchange.is_stop());
         self.give_up(now, out);
+        if let (Some(exchange), Some(stop)) = (not_left, self.stop_mut()) {
+            stop.cancelled(now, exchange);
+        }
     }
 
     /// Closes windows that have passed, and notices what cannot be sent.

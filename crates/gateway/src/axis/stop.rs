@@ -172,6 +172,11 @@ impl Stop {
         self.delay_reported = true;
     }
 
+    /// One more is to leave, as a host has asked for it, or as it was taken back.
+    pub fn owes_command(&self) -> bool {
+        self.owed_at.is_some()
+    }
+
     /// No stop command had left at `at`.
     pub fn had_not_left(&self, at: Instant) -> bool {
         self.first_left.is_none_or(|left| left >= at)

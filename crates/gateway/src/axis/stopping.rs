@@ -27,6 +27,7 @@ impl Axis {
         let is_of_job = self.job_step() == Some(request.exchange);
         let restarts = self.is_restarting();
         let before = self.state();
+        let is_tripped = self.tripped().is_some();
         let Self { state: State::Stopping(stop) | State::Tripped(_, stop), config, .. } = self
         else {
             return;
@@ -40,7 +41,9 @@ impl Axis {
             Outcome::NoReply => stop.unanswered(now, request.exchange, is_of_job, config),
             Outcome::Echoed => StopEffect::None,
         };
-        let is_confirmed = stop.is_confirmed();
+        // One that was asked for again is not over before that has left.
+        let is_over =
+            stop.is_confirmed() && if is_tripped { !was_confirmed } else { !stop.owes_command() };
         match effect {
             StopEffect::None => {}
             StopEffect::CameToNothing => self.count_unconfirmed(now, out),
@@ -48,7 +51,7 @@ impl Axis {
                 out.event(&Event::BrakeUnverified { axis: self.index, locked: true });
             }
         }
-        if is_confirmed && !was_confirmed {
+        if is_over {
             self.stop_confirmed(now, before, out);
         } else if was_confirmed && request.exchange == Exchange::Velocity && still == Some(false) {
             self.turns_again(now, out);

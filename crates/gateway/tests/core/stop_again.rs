@@ -260,3 +260,44 @@ fn a_stop_whose_replies_may_be_late_ones_leaves_the_line_to_others() {
         assert!(outcomes(&rig).iter().any(is_confirmed));
     }
 }
+
+#[test]
+fn a_stop_that_is_asked_for_again_and_goes_down_with_its_bus_is_owed() {
+    for after in [0, 20, 50, 80] {
+        let (mut rig, _) = tripped();
+        send_stop(&mut rig);
+        rig.run(after);
+        assert!(rig.left.iter().all(|(at, ..)| *at + after < rig.now_us));
+        let since = rig.now_us;
+        rig.bus_off(0);
+        run_with_host(&mut rig, 300_000);
+        let is_stop = |(at, _, text): &&(u64, u8, String)| *at >= since && text.contains("#8");
+        assert!(rig.left.iter().any(|left| is_stop(&left)), "{after} µs");
+    }
+}
+
+/// However shortly before the first one is confirmed.
+#[test]
+fn a_stop_that_is_asked_for_again_while_one_is_under_way_is_sent() {
+    let mut again = 0;
+    for stop in [StopAction::Hold, StopAction::Coast] {
+        for gap in (100..20_000).step_by(100) {
+            let (mut rig, _) = bench::rmd(stop);
+            move_axis(&mut rig, VELOCITY);
+            rig.run(5_000);
+            send_stop(&mut rig);
+            rig.run(gap);
+            if bench::listed(&mut rig, 0) != AxisState::Stopping {
+                break;
+            }
+            let since = rig.now_us;
+            send_stop(&mut rig);
+            rig.run(100_000);
+            let sent = rig.sent_since(0, since);
+            assert!(sent.iter().any(|text| text.contains("#8")), "{stop:?} {gap} µs: {sent:?}");
+            assert!(matches!(bench::listed(&mut rig, 0), AxisState::Idle | AxisState::Holding));
+            again += 1;
+        }
+    }
+    assert!(again > 20, "{again}");
+}
