@@ -27,6 +27,8 @@ const STANDSTILL_WITHIN_ANEW: Duration = Duration::from_millis(2_000);
 /// Between two stop commands that hosts ask for; what is asked for more often must not keep the
 /// speed from being read.
 const ASKED_AGAIN: Duration = Duration::from_millis(10);
+/// How often what is asked for again puts off the end of a stop.
+const STAYS_AT_MOST: u8 = 2;
 /// How long the brake waits for standstill (GUARANTEES G4, stop table).
 const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
 /// A brake that does not show it counts as locked so long after it was told (GUARANTEES G4, stop
@@ -98,6 +100,8 @@ pub(crate) struct Stop {
     /// When one is due that a host has asked for, or that was taken back: nothing but its leaving
     /// ends that.
     owed_at: Option<Instant>,
+    /// How often its last step was done again because one was owed.
+    stayed: u8,
     /// When reading the speed began.
     standstill_since: Instant,
     /// When something of the stop last went on: a frame had left, was answered, or was given up
@@ -147,6 +151,7 @@ impl Stop {
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             owed_at: None,
+            stayed: 0,
             standstill_since: now,
             went_on_at: now,
             not_sent: false,
@@ -170,11 +175,6 @@ impl Stop {
 
     pub fn report_delay(&mut self) {
         self.delay_reported = true;
-    }
-
-    /// One more is to leave, as a host has asked for it, or as it was taken back.
-    pub fn owes_command(&self) -> bool {
-        self.owed_at.is_some()
     }
 
     /// No stop command had left at `at`.
@@ -281,7 +281,7 @@ impl Stop {
     /// The stop command goes out once more at `at`, before the next reading.
     fn owe(&mut self, at: Instant) {
         self.owed_at = Some(self.owed_at.map_or(at, |owed| owed.min(at)));
-        if self.step() != Some(Exchange::Stop) {
+        if self.step() != Some(Exchange::Stop) && self.stayed == 0 {
             self.next_at = self.next_at.max(at);
         }
     }
@@ -529,6 +529,22 @@ impl Stop {
     /// The motor turns, as a late reply says. Whatever that answered, it does not show standstill.
     pub(super) fn turns(&mut self) {
         self.standstill_readings = 0;
+    }
+
+    /// Where one more is owed the last step is done again behind it.
+    /// A host that asks without a pause does not keep it from being confirmed for ever.
+    pub(super) fn stays_while_owed(&mut self, config: &AxisConfig) {
+        if let Some(owed) = self.owed_at.filter(|_| self.is_confirmed())
+            && self.stayed < STAYS_AT_MOST
+        {
+            self.next_at = self.next_at.max(owed);
+            self.stayed += 1;
+            self.standstill_readings = STANDSTILL_READINGS - 1;
+            self.sequence.step_back();
+            while self.sequence.step().is_some_and(|step| !protocol::is_served(step, config)) {
+                self.sequence.step_back();
+            }
+        }
     }
 
     /// Past the last stop command: on to what confirms it.

@@ -41,9 +41,11 @@ impl Axis {
             Outcome::NoReply => stop.unanswered(now, request.exchange, is_of_job, config),
             Outcome::Echoed => StopEffect::None,
         };
-        // One that was asked for again is not over before that has left.
-        let is_over =
-            stop.is_confirmed() && if is_tripped { !was_confirmed } else { !stop.owes_command() };
+        if !is_tripped {
+            // At rest it would be forgotten.
+            stop.stays_while_owed(config);
+        }
+        let is_confirmed = stop.is_confirmed();
         match effect {
             StopEffect::None => {}
             StopEffect::CameToNothing => self.count_unconfirmed(now, out),
@@ -51,7 +53,7 @@ impl Axis {
                 out.event(&Event::BrakeUnverified { axis: self.index, locked: true });
             }
         }
-        if is_over {
+        if is_confirmed && !was_confirmed {
             self.stop_confirmed(now, before, out);
         } else if was_confirmed && request.exchange == Exchange::Velocity && still == Some(false) {
             self.turns_again(now, out);
