@@ -81,7 +81,7 @@ pub(crate) struct Stop {
     sent: u8,
     /// When the first one had.
     first_left: Option<Instant>,
-    /// When the latest one had.
+    /// When the latest command had, of [those that are repeated](Self::command).
     last_left: Option<Instant>,
     acknowledged: bool,
     standstill_readings: u8,
@@ -100,6 +100,9 @@ pub(crate) struct Stop {
     /// When one is due that a host has asked for, or that was taken back: nothing but its leaving
     /// ends that.
     owed_at: Option<Instant>,
+    /// What follows the stop command has been put off for one that is owed: not again before it
+    /// has been asked.
+    put_off: bool,
     /// How often its last step was done again because one was owed.
     stayed: u8,
     /// When reading the speed began.
@@ -151,6 +154,7 @@ impl Stop {
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             owed_at: None,
+            put_off: false,
             stayed: 0,
             standstill_since: now,
             went_on_at: now,
@@ -244,7 +248,8 @@ impl Stop {
     /// What the stop wants next, and from when on.
     pub fn next(&self) -> Option<(Exchange, Instant)> {
         let next = self.next_step();
-        let owed = self.owed_at.filter(|at| next.is_none_or(|(_, next)| *at <= next));
+        let owed = self.owed_at.filter(|_| self.repeats());
+        let owed = owed.filter(|at| next.is_none_or(|(_, next)| *at <= next));
         owed.map(|at| (self.command(), at)).or(next)
     }
 
@@ -281,7 +286,7 @@ impl Stop {
     /// The stop command goes out once more at `at`, before the next reading.
     fn owe(&mut self, at: Instant) {
         self.owed_at = Some(self.owed_at.map_or(at, |owed| owed.min(at)));
-        if self.step() != Some(Exchange::Stop) && self.stayed == 0 {
+        if self.step() != Some(Exchange::Stop) && !core::mem::replace(&mut self.put_off, true) {
             self.next_at = self.next_at.max(at);
         }
     }
@@ -315,6 +320,8 @@ impl Stop {
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
         if exchange == self.command() {
             self.owed_at = None;
+        } else {
+            self.put_off = false;
         }
         let is_confirmed = self.is_confirmed();
         let repeat = if is_confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
@@ -355,12 +362,14 @@ impl Stop {
         if core::mem::take(&mut self.not_sent) {
             self.give_up_at = now + STANDSTILL_WITHIN;
         }
+        if exchange == self.command() {
+            self.last_left = Some(now);
+        }
         if exchange != Exchange::Stop {
             return;
         }
         self.sent = self.sent.saturating_add(1);
         self.first_left.get_or_insert(now);
-        self.last_left = Some(now);
         if let Backoff::Resting { until, second_follows, .. } = &mut self.backoff {
             *second_follows = !*second_follows;
             *until = if *second_follows { now } else { now + silence };

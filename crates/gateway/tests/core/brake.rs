@@ -6,8 +6,8 @@ use crate::bench::{
 };
 use crate::rig::Instead;
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Request, StopAction, TripReason, Value,
-    requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, Request, StopAction, StopTarget,
+    TripReason, Value, requests,
 };
 
 const LOCK: &str = "141#7800000000000000";
@@ -173,5 +173,24 @@ fn a_brake_that_does_not_show_it_counts_by_its_echoes_and_a_second_and_the_host_
                 .into_iter()
                 .any(|event| *event == HostEvent::BrakeUnverified { axis: 0, locked })
         );
+    }
+}
+
+/// Behind the lock a stop would switch the output on again.
+#[test]
+fn a_stop_that_was_asked_for_before_the_brake_locks_is_not_sent_behind_that() {
+    for every in (300..12_000).step_by(130) {
+        let (mut rig, _) = bench::rmd(StopAction::Brake);
+        bench::parameter(&mut rig, 0, AxisParameter::AllowUnverifiedBrake, Value::Bool(true));
+        move_axis(&mut rig, VELOCITY);
+        let since = rig.now_us;
+        // While the brake counts as unlocked for a second.
+        for _ in 0..500_000 / every {
+            rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+            rig.run(every);
+        }
+        let sent = rig.sent_since(0, since);
+        let lock = sent.iter().position(|text| *text == LOCK).expect("locked");
+        assert!(!sent[lock..].contains(&HOLD), "every {every} µs: {sent:?}");
     }
 }
