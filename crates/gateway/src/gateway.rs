@@ -69,7 +69,10 @@ pub struct Gateway {
     pub(crate) stored: Stored,
     pub(crate) image: Image,
     pub(crate) names: Names,
+    /// When the latest event was handled.
     pub(crate) now: Instant,
+    /// The latest time that an event or a poll was given.
+    pub(crate) latest: Instant,
     /// Buses that may have changed since it was worked out when they are due.
     pub(crate) touched_buses: Set,
     /// Buses that may have changed since time alone was last looked at.
@@ -122,6 +125,7 @@ impl Gateway {
             image: Image::new(),
             names: Names::new(),
             now: Instant::from_micros(0),
+            latest: Instant::from_micros(0),
             touched_buses: Set::NONE,
             unwatched_buses: Set::NONE,
             changed_buses: Set::NONE,
@@ -152,11 +156,11 @@ impl Gateway {
     }
 
     /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a
-    /// reset before a frame can follow from it. A time earlier than one given before counts as
-    /// that one. Returns who has to ask the core again; after that, it is asked for the
+    /// reset before a frame can follow from it. A time earlier than one given before, here or to a
+    /// poll, counts as that one. Returns who has to ask the core again; after that, it is asked for the
     /// [next deadline](Self::next_deadline).
     pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) -> Changes {
-        let now = now.max(self.now);
+        let now = self.later(now);
         self.now = now;
         self.remember_trips();
         self.go_on_stops(&event);
@@ -225,6 +229,12 @@ impl Gateway {
         self.settle(now);
         self.check_kept(now);
         self.take_changes()
+    }
+
+    /// A time earlier than one given before counts as that one.
+    fn later(&mut self, now: Instant) -> Instant {
+        self.latest = self.latest.max(now);
+        self.latest
     }
 
     /// How often the axes of a bus can be given setpoints together, and within what time its stops
@@ -297,7 +307,7 @@ impl Gateway {
 
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
-        let now = now.max(self.now);
+        let now = self.later(now);
         self.begin_stops(bus);
         self.settle_served(now);
         let Self { buses, axes, links, .. } = self;
@@ -333,7 +343,7 @@ impl Gateway {
     /// The slot of a frame that the controller of a CAN bus should cancel, if there is one:
     /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
-        let now = now.max(self.now);
+        let now = self.later(now);
         self.begin_stops(bus);
         self.settle_served(now);
         let slot = self.with_bus(now, bus, |bus, axes, _| bus.poll_cancel(now, axes))?;

@@ -41,6 +41,7 @@ impl Gateway {
             image,
             names,
             now,
+            latest,
             // Functions of the others, or of who has asked since.
             touched_buses: _,
             unwatched_buses: _,
@@ -63,7 +64,7 @@ impl Gateway {
         )?;
         write!(
             to,
-            "{epoch:?} {e_stopped} {unstopped:?} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?}"
+            "{epoch:?} {e_stopped} {unstopped:?} {e_stop_input_open} {enabled} {link_lost} {starts} {now:?} {latest:?}"
         )
     }
 }

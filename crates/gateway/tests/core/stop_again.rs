@@ -7,7 +7,7 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, Request,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, Request, Setpoint,
     StopAction, StopTarget, TripReason, Value, requests,
 };
 use std::cell::Cell;
@@ -180,6 +180,19 @@ fn a_setpoint_that_has_expired_is_not_handed_out_even_before_the_core_is_told_th
     }
 }
 
+#[test]
+fn what_a_poll_has_seen_of_the_time_no_earlier_event_takes_back() {
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    move_axis(&mut rig, VELOCITY);
+    let later = rig.now() + gateway::Duration::from_micros(200_000);
+    let _ = rig.gateway.poll_transmit(later, 0);
+    // The setpoint has expired then.
+    let _ = rig.gateway.handle(rig.now(), gateway::Event::Tick, &mut |_, _| {});
+    assert_eq!(rig.gateway.tripped(), gateway::Set::of(0u8));
+    run_with_host(&mut rig, 300_000);
+    assert_tripped(&mut rig, TripReason::SetpointExpired, true);
+}
+
 /// Axes whose next frame waits for the reply to the one before, with their bus and their stop.
 type Waits = (fn() -> (Rig, crate::motors::Shared), u8, &'static str);
 const THAT_WAIT: [Waits; 2] = [
@@ -300,4 +313,31 @@ fn a_stop_that_is_asked_for_again_while_one_is_under_way_is_sent() {
         }
     }
     assert!(again > 20, "{again}");
+}
+
+/// A host that asks without a pause puts no end off for ever.
+#[test]
+fn a_stop_that_is_asked_for_all_the_time_comes_to_its_end() {
+    let signal = Setpoint::Signal { fraction: 0.1 };
+    let cases: [(fn() -> (Rig, crate::motors::Shared), Setpoint); 6] = [
+        (|| bench::rmd(StopAction::Hold), VELOCITY),
+        (|| bench::rmd(StopAction::Coast), VELOCITY),
+        (|| bench::rmd(StopAction::Brake), VELOCITY),
+        (|| bench::rmd_serial(StopAction::Hold), VELOCITY),
+        (bench::thruster, signal),
+        (bench::d5, VELOCITY),
+    ];
+    for (case, (make, setpoint)) in cases.into_iter().enumerate() {
+        for every in [110, 300, 700, 1_500, 4_000, 9_900] {
+            let (mut rig, _) = make();
+            move_axis(&mut rig, setpoint);
+            for _ in 0..200_000 / every {
+                send_stop(&mut rig);
+                rig.run(every);
+            }
+            let is_confirmed = |event: &HostEvent| matches!(event, HostEvent::StopConfirmed { .. });
+            let events = outcomes(&rig);
+            assert!(events.iter().any(is_confirmed), "case {case}, every {every} µs: {events:?}");
+        }
+    }
 }
