@@ -193,8 +193,10 @@ fn what_a_poll_has_seen_of_the_time_no_earlier_event_takes_back() {
     assert_tripped(&mut rig, TripReason::SetpointExpired, true);
 }
 
+/// Makes a rig with a motor.
+type Make = fn() -> (Rig, crate::motors::Shared);
 /// Axes whose next frame waits for the reply to the one before, with their bus and their stop.
-type Waits = (fn() -> (Rig, crate::motors::Shared), u8, &'static str);
+type Waits = (Make, u8, &'static str);
 const THAT_WAIT: [Waits; 2] = [
     (bench::d5, 1, "00B#D50B050320000033"),
     (|| bench::rmd_serial(StopAction::Hold), 2, "3E01088100"),
@@ -319,7 +321,7 @@ fn a_stop_that_is_asked_for_again_while_one_is_under_way_is_sent() {
 #[test]
 fn a_stop_that_is_asked_for_all_the_time_comes_to_its_end() {
     let signal = Setpoint::Signal { fraction: 0.1 };
-    let cases: [(fn() -> (Rig, crate::motors::Shared), Setpoint); 6] = [
+    let cases: [(Make, Setpoint); 6] = [
         (|| bench::rmd(StopAction::Hold), VELOCITY),
         (|| bench::rmd(StopAction::Coast), VELOCITY),
         (|| bench::rmd(StopAction::Brake), VELOCITY),
