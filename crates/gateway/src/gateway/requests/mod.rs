@@ -450,8 +450,9 @@ impl Gateway {
                 {
                     return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
                 }
+                // On a bus that is off it is owed until that is back.
                 if axis.is_idle_or_holding() {
-                    self.ready_bus(axis)?;
+                    running_bus(&self.buses, axis)?;
                 }
                 self.with_axis(now, index, |axis, out| axis.halt(now, out))
             }
@@ -528,17 +529,19 @@ impl Gateway {
     }
 }
 
-/// Whether the bus of an axis runs.
+/// Whether the bus of an axis is configured and not off.
 pub(crate) fn ready_bus(buses: &[Bus], axis: &Axis) -> Result<()> {
-    let Some(index) = axis.config.bus() else { return Ok(()) };
+    match (axis.config.bus(), running_bus(buses, axis)?) {
+        (Some(index), Some(bus)) if bus.is_off() => Err(Error::BusOff { bus: index }),
+        _ => Ok(()),
+    }
+}
+
+/// The bus of an axis, which must be configured.
+fn running_bus<'a>(buses: &'a [Bus], axis: &Axis) -> Result<Option<&'a Bus>> {
+    let Some(index) = axis.config.bus() else { return Ok(None) };
     let bus = buses.get(usize::from(index)).ok_or_else(|| unknown_bus(buses, index))?;
-    if bus.config().is_none() {
-        return Err(Error::BusNotConfigured { bus: index });
-    }
-    if bus.is_off() {
-        return Err(Error::BusOff { bus: index });
-    }
-    Ok(())
+    bus.config().map(|_| Some(bus)).ok_or(Error::BusNotConfigured { bus: index })
 }
 
 /// Requests that only the holder of authority may make.
