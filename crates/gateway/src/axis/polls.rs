@@ -190,6 +190,13 @@ impl Axis {
         if self.is_idle_or_holding() { self.idle_poll() } else { self.armed_poll() }
     }
 
+    /// Whether this is the poll that is due; while it is armed an axis has none.
+    pub(super) fn is_next_poll(&self, now: Instant, exchange: Exchange) -> bool {
+        self.state_poll_at <= now
+            && !matches!(self.state, State::Arming)
+            && self.poll_exchange() == Some(exchange)
+    }
+
     /// From one poll to the next: a motor that holds, or moves by a command that is not sent
     /// again, must hear something as often as a setpoint would tell it.
     #[inline(never)]

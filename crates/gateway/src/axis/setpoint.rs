@@ -276,10 +276,6 @@ impl Axis {
                     armed.fault_poll_at = now + self.config.fault_poll();
                     return;
                 }
-                // So has what a cycle reads.
-                if is_of_part {
-                    return;
-                }
             }
             State::Stopping(stop) | State::Tripped(_, stop) => {
                 stop.handed(now, exchange, &self.config);
@@ -287,7 +283,9 @@ impl Axis {
             }
             _ => {}
         }
-        if !is_of_job {
+        // What a job asks for, or a cycle, has a rhythm of its own; but where it is what the polls ask
+        // for too they have their turn, or they would be overdue longest for ever.
+        if !is_of_job && !is_of_part || self.is_next_poll(now, exchange) {
             self.state_poll_at = now + self.turn();
             self.poll_index = self.poll_index.wrapping_add(1);
         }
