@@ -190,7 +190,7 @@ impl Axis {
         if self.is_idle_or_holding() { self.idle_poll() } else { self.armed_poll() }
     }
 
-    /// Whether this is the poll that is due; while it is armed an axis has none.
+    /// Whether this is the poll that is due; an axis that is being armed has none.
     pub(super) fn is_next_poll(&self, now: Instant, exchange: Exchange) -> bool {
         self.state_poll_at <= now
             && !matches!(self.state, State::Arming)

@@ -240,8 +240,8 @@ impl Stop {
     /// What the stop wants next, and from when on.
     pub fn next(&self) -> Option<(Exchange, Instant)> {
         let next = self.next_step();
-        let owed = self.owed_at.filter(|_| self.repeats());
-        let owed = owed.filter(|at| next.is_none_or(|(_, next)| *at <= next));
+        let goes_first = |at: &Instant| next.is_none_or(|(_, next)| *at <= next);
+        let owed = self.owed_at.filter(|at| self.repeats() && goes_first(at));
         owed.map(|at| (self.command(), at)).or(next)
     }
 

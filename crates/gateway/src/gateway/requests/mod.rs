@@ -531,8 +531,8 @@ impl Gateway {
 
 /// Whether the bus of an axis is configured and not off.
 pub(crate) fn ready_bus(buses: &[Bus], axis: &Axis) -> Result<()> {
-    match (axis.config.bus(), running_bus(buses, axis)?) {
-        (Some(index), Some(bus)) if bus.is_off() => Err(Error::BusOff { bus: index }),
+    match running_bus(buses, axis)? {
+        Some(bus) if bus.is_off() => Err(Error::BusOff { bus: bus.index() }),
         _ => Ok(()),
     }
 }
