@@ -31,7 +31,8 @@ const OTHER_LINK: u8 = 1;
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
 const WIDTH: u16 = 80;
-const HEIGHT: u16 = 24;
+/// High enough for the events of four axes that are told at once.
+const HEIGHT: u16 = 40;
 
 /// What the other end of the device is asked for.
 enum Ask {
@@ -418,7 +419,7 @@ fn a_gateway_that_is_gone_is_connected_to_again_and_a_stop_asked_for_meanwhile_g
     top.wait_for("confirmed", |screen| {
         let confirmed =
             (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")));
-        confirmed && !screen.contains("NOT CONNECTED")
+        confirmed && screen.contains("mgw: connected again") && !screen.contains("NOT CONNECTED")
     });
     top.press("q");
     assert_eq!(top.end(), Some(0));
