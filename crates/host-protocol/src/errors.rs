@@ -481,6 +481,19 @@ errors! {
     /// The gateway starts anew in a moment.
     133 Restarting {}
         "the gateway starts anew in a moment; connect to it again";
+    /// This gateway has no flight recorder.
+    134 NoFlightRecorder {}
+        "this gateway has no flight recorder: what it remembers of a trip is in mgw trips";
+    /// The flight recorder records, as an axis is armed.
+    135 FlightRecording {}
+        "the flight recorder records, as an axis is armed: read it when none is";
+    /// The flight recorder has not answered somebody else yet, or does not answer.
+    136 FlightRecorderBusy {}
+        "the flight recorder is read by somebody else just now, or does not answer; ask again";
+    /// What the flight recorder has kept ends before what was asked for.
+    137 BeyondFlightRecord { parts: u16, length: u32 }
+        "the flight recorder has kept {parts} parts of {length} bytes, and nothing beyond; read it \
+        from the beginning";
 }
 
 impl core::error::Error for Error {}

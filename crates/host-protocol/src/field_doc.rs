@@ -33,6 +33,7 @@ field_docs! { $
     host_major "What the host speaks.";
     id "The CAN id.";
     kind "What it is.";
+    length "Bytes of each part.";
     max "The largest allowed.";
     max_axes "Axes are numbered from 0 to one less than this.";
     min "The smallest allowed.";
@@ -48,6 +49,7 @@ field_docs! { $
     offered "What could be had there instead, bit/s; 0 behind the last one.";
     other "The axis whose motor uses it.";
     parameter "Number of the parameter.";
+    parts "How many parts there are.";
     possible "The dialects that its answers allow: bit n is number n.";
     protocol "The protocol of the motor.";
     quantity "Which value.";

@@ -278,6 +278,7 @@ messages! {
 
     0x0060 ReadIncidents -> IncidentPage
     0x0061 ReadCrashReport -> CrashReport
+    0x0062 ReadFlightRecord -> FlightRecordPage
 
     0x0072 Recognise -> Recognition
     0x0073 RawOpenAt -> Done

@@ -26,6 +26,8 @@ pub const MAX_SETTINGS: usize = 16;
 pub const MAX_INCIDENTS: usize = 8;
 /// Bytes of [`CrashReport`].
 pub const MAX_CRASH_REPORT: usize = 240;
+/// Bytes of one [`FlightRecordPage`]: about as many as a message holds.
+pub const MAX_FLIGHT_RECORD_BYTES: usize = 480;
 /// Answers of one [`Recognition`].
 pub const MAX_VERSION_ANSWERS: usize = 3;
 /// Frames of one [`RawFrames`]: as many of the longest as a message holds.
@@ -306,5 +308,20 @@ wire! {
         /// The message of a panic, of a processor fault or of the watchdog; empty if there was
         /// none.
         pub text: Text<MAX_CRASH_REPORT>,
+    }
+
+    /// Bytes of what the flight recorder has kept: some parts of the same length, which one behind
+    /// the other are a file of it without the checksum at its end (docs/flight-recorder.md).
+    #[derive(Eq)]
+    pub struct FlightRecordPage {
+        /// Another one where something else is kept: a host that sees it change begins anew.
+        pub id: u32,
+        /// How many parts there are; 0: nothing has been kept.
+        pub parts: u16,
+        /// Bytes of each.
+        pub length: u32,
+        /// Those of the part that was asked for, from the offset on: at least one where there is
+        /// one.
+        pub bytes: Bytes<MAX_FLIGHT_RECORD_BYTES>,
     }
 }

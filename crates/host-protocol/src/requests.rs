@@ -424,4 +424,14 @@ wire! {
     /// Asks for the crash report of the run before.
     #[derive(Copy, Eq)]
     pub struct ReadCrashReport {}
+
+    /// Asks for bytes of what the flight recorder has kept of the latest trip. Not while it
+    /// records, and after a trip it records no more once it has been read.
+    #[derive(Copy, Eq)]
+    pub struct ReadFlightRecord {
+        /// Which part of it: 0 is the first.
+        pub part: u16,
+        /// From which byte of that part on.
+        pub offset: u32,
+    }
 }

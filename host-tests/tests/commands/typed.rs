@@ -26,7 +26,7 @@ const POLLS: &str = "polls";
 /// `ReleaseAuthority` run the stop action, `Subscribe` reads as `ReadState` does, `ArmTogether`
 /// arms as `Arm` does, `Recognise` asks what `Arm` asks, and `Cycle` and `RunCycle` move as
 /// `Setpoint` does. What `Native` and raw frames send is not typed.
-pub const NOT_TRIED: [&str; 43] = [
+pub const NOT_TRIED: [&str; 44] = [
     "SaveConfiguration",
     "ForgetStored",
     "ReadStored",
@@ -68,6 +68,7 @@ pub const NOT_TRIED: [&str; 43] = [
     "RawClose",
     "ReadIncidents",
     "ReadCrashReport",
+    "ReadFlightRecord",
     "Recognise",
     "RawOpenAt",
 ];

@@ -79,6 +79,7 @@ pages! {
     InternalError "internal-error"
     NotArrived "not-arrived"
     FirmwareUpdate "firmware-update"
+    FlightRecorder "flight-recorder"
     ScanFindsNothing "scan-finds-nothing"
     DoubledId "doubled-id"
     Dialect "dialect"
@@ -175,6 +176,10 @@ impl Page {
             | Error::ImageNotWritten {}
             | Error::ImageOnTrial {}
             | Error::NoImageOnTrial {} => Self::FirmwareUpdate,
+            Error::NoFlightRecorder {}
+            | Error::FlightRecording {}
+            | Error::FlightRecorderBusy {}
+            | Error::BeyondFlightRecord { .. } => Self::FlightRecorder,
             Error::RawNotOpen { .. }
             | Error::RawOpen { .. }
             | Error::RawNotHarmless { .. }

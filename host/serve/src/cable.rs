@@ -158,6 +158,7 @@ fn acts_each_time(number: u16) -> bool {
         ask::Subscribe::NUMBER,
         ask::ReadIncidents::NUMBER,
         ask::ReadCrashReport::NUMBER,
+        ask::ReadFlightRecord::NUMBER,
         ask::Disarm::NUMBER,
         ask::Stop::NUMBER,
         ask::EStop::NUMBER,

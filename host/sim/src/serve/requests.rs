@@ -31,7 +31,8 @@ impl Purpose {
             | Request::Recognise(_)
             | Request::Subscribe(_)
             | Request::ReadIncidents(_)
-            | Request::ReadCrashReport(_) => Self::Look,
+            | Request::ReadCrashReport(_)
+            | Request::ReadFlightRecord(_) => Self::Look,
             _ => Self::Command,
         }
     }

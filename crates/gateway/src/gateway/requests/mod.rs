@@ -227,6 +227,7 @@ impl Gateway {
             Request::ReadCrashReport(_) => {
                 Reply::ReadCrashReport(replies::CrashReport { text: text(self.board.crash_report) })
             }
+            Request::ReadFlightRecord(_) => return Err(Error::NoFlightRecorder {}),
         };
         self.outbox(now).answer(ticket, Ok(&reply));
         Ok(())
@@ -599,6 +600,7 @@ fn needs_authority(request: &Request) -> bool {
         | Request::Subscribe(_)
         | Request::ReadIncidents(_)
         | Request::ReadCrashReport(_)
+        | Request::ReadFlightRecord(_)
         // Depends on what its bytes do.
         | Request::Native(_) => false,
     }
