@@ -15,8 +15,8 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
 use gateway::{
-    Board, BusSetup, Changes, Event, Found, Gateway, Images, Instant, Light, LogEntry, MAX_LINKS,
-    MAX_STORED_ROW, NextRow, Save, Store, Transmit,
+    Board, BusSetup, Changes, Event, FlightReadError, Found, Gateway, Images, Instant, Light,
+    LogEntry, MAX_LINKS, MAX_STORED_ROW, NextRow, Save, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
 use static_cell::StaticCell;
@@ -255,6 +255,12 @@ impl SharedGateway {
     fn follow(&self, parts: &mut Parts, now: Instant, event: &Event<'_>) {
         let changes = parts.storing(|core, store| core.handle(now, *event, store));
         self.hand_out(parts, now, changes);
+        if changes.flight_read && parts.core.take_flight_read().is_some() {
+            // No board has a flight recorder yet.
+            let refused = Event::FlightRecord { result: Err(FlightReadError::NoRecorder) };
+            let changes = parts.storing(|core, store| core.handle(now, refused, store));
+            self.hand_out(parts, now, changes);
+        }
         board::set_enable_output(parts.core.enable_output() && !self.is_bare);
     }
 

@@ -32,6 +32,8 @@ pub enum Call<'a> {
     SaveSome,
     /// [`Gateway::take_save`].
     TakeSave,
+    /// [`Gateway::take_flight_read`].
+    TakeFlightRead,
     /// [`Gateway::take_log`].
     TakeLog,
     /// No call: what has come of those before, which is compared when they are made again.
@@ -81,6 +83,7 @@ impl Call<'_> {
             Self::PollHost { link } => _ = core.poll_host(link, &mut [0; MAX_FRAME], store),
             Self::SaveSome => _ = core.save_some(store),
             Self::TakeSave => _ = core.take_save(),
+            Self::TakeFlightRead => _ = core.take_flight_read(),
             Self::TakeLog => _ = core.take_log(),
             Self::Came(_) => {}
         }

@@ -1,6 +1,7 @@
 //! The gateway as one object: events in, frames out.
 
 mod deadlines;
+mod flight;
 mod image;
 mod names;
 mod pins;
@@ -25,6 +26,7 @@ use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
 use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES_WIRE, MAX_BUSES};
+use flight::FlightReading;
 use heapless::Vec;
 use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request};
 use image::Image;
@@ -68,6 +70,7 @@ pub struct Gateway {
     pub(crate) draft: Draft,
     pub(crate) stored: Stored,
     pub(crate) image: Image,
+    pub(crate) flight_reading: Option<FlightReading>,
     pub(crate) names: Names,
     /// When the latest event was handled.
     pub(crate) now: Instant,
@@ -123,6 +126,7 @@ impl Gateway {
             draft: Draft::new(),
             stored: Stored::new(),
             image: Image::new(),
+            flight_reading: None,
             names: Names::new(),
             now: Instant::from_micros(0),
             latest: Instant::from_micros(0),
@@ -211,6 +215,7 @@ impl Gateway {
             }
             Event::EStopInput { open } => self.e_stop_input(now, open),
             Event::Saved { result } => self.saved(now, result),
+            Event::FlightRecord { result } => self.flight_record(now, result),
             Event::Tick => {}
         }
         self.settle(now);
@@ -288,9 +293,10 @@ impl Gateway {
         let (links, log) = self.links.take_changed();
         let history = !self.retention.is_complete();
         let save = self.stored.is_due();
+        let flight_read = self.flight_reading.as_ref().is_some_and(FlightReading::is_due);
         let restart = self.image.restarts(self.now) && !self.stored.is_saving();
         let buses = self.changed_buses.take().with(self.crowded_buses);
-        Changes { buses, links, log, history, save, restart }
+        Changes { buses, links, log, history, save, flight_read, restart }
     }
 
     /// Records new trips in the history, in the order in which they were told, one call later: the

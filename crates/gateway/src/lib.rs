@@ -33,8 +33,9 @@ pub use gateway::{
 };
 pub use log::LogEntry;
 pub use port::{
-    Board, BusPort, BusPortKind, BusSetup, Changes, Event, Found, FoundImage, ImageJob, Images,
-    Light, LinkPort, Outgoing, Save, SaveError, Store, Transmit,
+    Board, BusPort, BusPortKind, BusSetup, Changes, Event, FlightPage, FlightRead, FlightReadError,
+    Found, FoundImage, ImageJob, Images, Light, LinkPort, Outgoing, Save, SaveError, Store,
+    Transmit,
 };
 pub use rules::{AxisRules, NativeEffect};
 pub use set::Set;

@@ -37,6 +37,9 @@
 //! - Where it can take images of the firmware, it calls
 //!   [`Gateway::set_images`](crate::Gateway::set_images) once, before it opens the host links, and
 //!   carries those jobs out too. When [`Changes`] says so it starts anew, at once.
+//! - When [`Changes`] says so it takes what a host asks the flight recorder for with
+//!   [`Gateway::take_flight_read`](crate::Gateway::take_flight_read), and reports
+//!   [`Event::FlightRecord`] within 1 s, before it takes another.
 //! - After every call of `handle` it sets its enable output to
 //!   [`Gateway::enable_output`](crate::Gateway::enable_output).
 
@@ -133,6 +136,12 @@ pub enum Event<'a> {
         /// What became of it. After an error the storage holds what it held before.
         result: Result<(), SaveError>,
     },
+    /// What [`take_flight_read`](crate::Gateway::take_flight_read) asked for.
+    FlightRecord {
+        /// The bytes, or why there are none.
+        #[serde(borrow)]
+        result: Result<FlightPage<'a>, FlightReadError>,
+    },
     /// Nothing but time has passed: the deadline of `next_deadline` is due.
     Tick,
 }
@@ -150,6 +159,8 @@ pub struct Changes {
     pub history: bool,
     /// [`Gateway::take_save`](crate::Gateway::take_save) has something.
     pub save: bool,
+    /// [`Gateway::take_flight_read`](crate::Gateway::take_flight_read) has something.
+    pub flight_read: bool,
     /// The gateway is to start anew now.
     pub restart: bool,
 }
@@ -263,6 +274,39 @@ pub enum SaveError {
     Damaged,
     /// An image lacks the signature of the key of the one that runs.
     NotSigned,
+}
+
+/// Bytes of what the flight recorder has kept that a host asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FlightRead {
+    /// Which part of it: 0 is the first.
+    pub part: u16,
+    /// From which byte of that part on.
+    pub offset: u32,
+}
+
+/// What the flight recorder has kept, and some bytes of it: see
+/// [`FlightRecordPage`](host_protocol::replies::FlightRecordPage).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FlightPage<'a> {
+    /// Another one where something else is kept.
+    pub id: u32,
+    /// How many parts there are; 0: nothing is kept.
+    pub parts: u16,
+    /// Bytes of each.
+    pub length: u32,
+    /// Those that were asked for, none where there are none. What is more than a message holds is
+    /// left out.
+    pub bytes: &'a [u8],
+}
+
+/// Why nothing can be read of what the flight recorder has kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FlightReadError {
+    /// There is no flight recorder.
+    NoRecorder,
+    /// It records: an axis is armed.
+    Recording,
 }
 
 /// What the light of a board shows.

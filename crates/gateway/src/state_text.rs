@@ -39,6 +39,7 @@ impl Gateway {
             draft,
             stored,
             image,
+            flight_reading,
             names,
             now,
             latest,
@@ -60,7 +61,7 @@ impl Gateway {
         }
         write!(
             to,
-            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}{stored:?}{image:?}{names:?}"
+            "{authority:?}{together:?}{arming:?}{cycle:?}{running:?}{history:?}{retention:?}{draft:?}{stored:?}{image:?}{flight_reading:?}{names:?}"
         )?;
         write!(
             to,

@@ -190,6 +190,7 @@ fn tell_event(event: &Event<'_>, hosts: &mut [Deframer], mut tell: impl FnMut(St
             tell(format!("e-stop input {}", if open { "open" } else { "closed" }));
         }
         Event::Saved { result } => tell(format!("stored: {result:?}")),
+        Event::FlightRecord { .. } => tell("the flight recorder is read".to_owned()),
         Event::Tick => {}
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::MAX_LINKS_WIRE;
 use crate::gateway::Gateway;
+use crate::gateway::flight::FlightReading;
 use crate::gateway::requests::{Running, Together};
 use crate::gateway::unstopped::Why;
 use crate::outbox::Outbox;
@@ -38,6 +39,7 @@ impl Gateway {
         consider(together);
         consider(running);
         consider(restart);
+        consider(self.flight_reading.as_ref().map(FlightReading::deadline));
         (next < Instant::NEVER).then_some(next)
     }
 
@@ -49,6 +51,7 @@ impl Gateway {
         if self.links.due() <= now {
             self.tick_links(now);
         }
+        self.give_up_flight_reading(now);
         self.tick_running(now);
         self.settle(now);
         let due = self.axes.due(now);

@@ -25,6 +25,7 @@ mod dialects;
 mod e_stop;
 mod echo;
 mod fairness;
+mod flight;
 mod foreign_load;
 mod ghosts;
 mod holding;

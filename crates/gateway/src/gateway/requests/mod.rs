@@ -227,7 +227,9 @@ impl Gateway {
             Request::ReadCrashReport(_) => {
                 Reply::ReadCrashReport(replies::CrashReport { text: text(self.board.crash_report) })
             }
-            Request::ReadFlightRecord(_) => return Err(Error::NoFlightRecorder {}),
+            Request::ReadFlightRecord(request) => {
+                return self.read_flight_record(now, request, ticket);
+            }
         };
         self.outbox(now).answer(ticket, Ok(&reply));
         Ok(())
