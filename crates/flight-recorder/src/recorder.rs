@@ -101,6 +101,15 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
         self.state != State::Waits
     }
 
+    /// Adds nothing more to what is kept of a trip, so that it can be read piece by piece. Whether
+    /// that is so: not while it still records what may lead to one.
+    pub fn end(&mut self) -> bool {
+        if self.state == State::Ends {
+            self.state = State::Waits;
+        }
+        !self.is_recording()
+    }
+
     /// Keeps a call that is about to be made. What was asked and changes nothing another time is
     /// kept once; a link that had something to send is told of by [`sent`](Self::sent).
     pub fn note(&mut self, core: &mut Gateway, now: Instant, call: &Call<'_>) {

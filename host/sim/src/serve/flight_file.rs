@@ -84,9 +84,7 @@ impl FlightFile {
         self.has = Some(trip);
         self.next = goes_on.then_some(Instant::from_micros(now_us + REWRITE_US));
 
-        let mut memory = world.flight_recorder().to_vec();
-        let length = Recording::trim(&mut memory);
-        memory.truncate(length);
+        let mut memory = world.recorded();
         memory.extend(Recording::checksum(&memory));
         let (file, (axis, Trip { reason, .. })) = (self.path.display(), trip);
         let tripped = format!("axis {axis} tripped ({reason})");

@@ -1,12 +1,15 @@
 //! The core, and the recorder that is told of every call to it.
 
 use std::ops::Deref;
+use std::sync::Arc;
 
-use flight_recorder::{Call, Recorder};
+use flight_recorder::{Call, Recorder, Recording, recorded_trip};
 use gateway::{
-    Board, Changes, Event, Found, Gateway, Images, Instant, NextRow, Save, Store, Transmit,
+    Board, Changes, Event, FlightPage, FlightRead, FlightReadError, Found, Gateway, Images,
+    Instant, NextRow, Save, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
+use host_protocol::replies::MAX_FLIGHT_RECORD_BYTES;
 
 /// Bytes that the recorder has: several seconds of a busy bus.
 const RECORDED: usize = 512 * 1024;
@@ -15,8 +18,35 @@ const RECORDED: usize = 512 * 1024;
 pub(super) struct Core {
     gateway: Box<Gateway>,
     recorder: Recorder<Vec<u8>>,
+    /// What hosts read of it, since the first one has.
+    kept: Option<Kept>,
     /// When it was called last, for calls without a time.
     now: Instant,
+}
+
+/// What the recorder has kept, in one part; nothing where it has kept nothing.
+#[derive(Clone, Default)]
+pub(super) struct Kept {
+    id: u32,
+    bytes: Arc<[u8]>,
+}
+
+impl Kept {
+    fn new(bytes: &[u8]) -> Self {
+        Self { id: u32::from_le_bytes(Recording::checksum(bytes)), bytes: bytes.into() }
+    }
+
+    /// The bytes that a host asks for.
+    pub fn page(&self, FlightRead { part, offset }: FlightRead) -> FlightPage<'_> {
+        let from = usize::try_from(offset).ok().filter(|_| part == 0);
+        let rest = from.and_then(|from| self.bytes.get(from..)).unwrap_or_default();
+        FlightPage {
+            id: self.id,
+            parts: u16::from(!self.bytes.is_empty()),
+            length: u32::try_from(self.bytes.len()).unwrap_or(u32::MAX),
+            bytes: rest.get(..MAX_FLIGHT_RECORD_BYTES).unwrap_or(rest),
+        }
+    }
 }
 
 impl Core {
@@ -24,6 +54,7 @@ impl Core {
         Self {
             gateway: Box::new(Gateway::new(board, random_number)),
             recorder: Recorder::new(vec![0; RECORDED]),
+            kept: None,
             now: Instant::from_micros(0),
         }
     }
@@ -36,8 +67,28 @@ impl Core {
     }
 
     /// What the recorder holds.
-    pub fn recorded(&self) -> &[u8] {
+    pub fn recorder_memory(&self) -> &[u8] {
         self.recorder.memory()
+    }
+
+    /// The same as a file has it, without the checksum at its end.
+    pub fn recorded(&self) -> Vec<u8> {
+        let mut memory = self.recorder_memory().to_vec();
+        let length = Recording::trim(&mut memory);
+        memory.truncate(length);
+        memory
+    }
+
+    /// What the recorder has kept of a trip, for hosts. Nothing more is added to it.
+    pub fn kept(&mut self) -> Result<Kept, FlightReadError> {
+        if !self.recorder.end() {
+            return Err(FlightReadError::Recording);
+        }
+        if recorded_trip(self.recorder_memory()).is_none() {
+            return Ok(Kept::default());
+        }
+        let kept = self.kept.take().unwrap_or_else(|| Kept::new(&self.recorded()));
+        Ok(self.kept.insert(kept).clone())
     }
 
     pub fn is_recording(&self) -> bool {
@@ -65,6 +116,9 @@ impl Core {
         self.note(now, Call::Handle(event));
         let changes = self.gateway.handle(now, event, store);
         self.recorder.watch(&mut self.gateway, now);
+        if self.is_recording() {
+            self.kept = None;
+        }
         changes
     }
 
@@ -105,6 +159,11 @@ impl Core {
     pub fn take_save(&mut self) -> Option<Save> {
         self.note(self.now, Call::TakeSave);
         self.gateway.take_save()
+    }
+
+    pub fn take_flight_read(&mut self) -> Option<FlightRead> {
+        self.note(self.now, Call::TakeFlightRead);
+        self.gateway.take_flight_read()
     }
 }
 

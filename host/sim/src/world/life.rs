@@ -175,6 +175,14 @@ impl World {
         self.tell(Event::Saved { result });
     }
 
+    /// Answers a host that reads what the flight recorder has kept.
+    pub(super) fn read_flight_record(&mut self) {
+        let Some(read) = self.gateway.take_flight_read() else { return };
+        let kept = self.gateway.kept();
+        let result = kept.as_ref().map(|kept| kept.page(read)).map_err(|error| *error);
+        self.tell(Event::FlightRecord { result });
+    }
+
     /// The level of the enable output.
     pub fn enable_output(&self) -> bool {
         self.gateway.enable_output()

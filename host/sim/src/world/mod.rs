@@ -153,10 +153,16 @@ impl World {
 
     /// The memory of the flight recorder, see [`flight_recorder::Recording`].
     pub fn flight_recorder(&self) -> &[u8] {
+        self.gateway.recorder_memory()
+    }
+
+    /// What the flight recorder has kept: a file of it without the checksum at its end, see
+    /// [`flight_recorder::Recording`].
+    pub fn recorded(&self) -> Vec<u8> {
         self.gateway.recorded()
     }
 
-    /// The trip that its memory has, and that of which axis.
+    /// The trip that it has kept, and that of which axis.
     pub fn recorded_trip(&self) -> Option<(u8, Trip)> {
         flight_recorder::recorded_trip(self.flight_recorder())
     }
@@ -304,6 +310,7 @@ impl World {
         self.handle(event);
         self.poll_gateway();
         self.save();
+        self.read_flight_record();
         self.restart();
     }
 
