@@ -102,9 +102,10 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
     }
 
     /// Adds nothing more to what is kept of a trip, so that it can be read piece by piece. Whether
-    /// that is so: not while it still records what may lead to one.
+    /// that is so: not while it records, and an axis moves that may trip.
     pub fn end(&mut self) -> bool {
-        if self.state == State::Ends {
+        let moves = self.outcome.is_some_and(|outcome| !outcome.moving.is_empty());
+        if self.state == State::Ends && !moves {
             self.state = State::Waits;
         }
         !self.is_recording()

@@ -38,6 +38,7 @@ mod clock;
 mod commands;
 mod cycle;
 mod error;
+mod flight;
 mod hold;
 mod image;
 mod inbox;

@@ -1,5 +1,6 @@
 //! A gateway that hangs, is reset and remembers.
 
+mod flight;
 mod images;
 
 use std::time::Duration;
