@@ -1,13 +1,13 @@
 //! The file that has what led to the latest trip.
 
-use std::ffi::OsString;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use flight_recorder::{Recording, Unreadable};
+use flight_recorder::Recording;
 use gateway::Instant;
 use host_protocol::Trip;
 
+use crate::recording_file::RecordingFile;
 use crate::world::World;
 
 /// So often the file is written while calls are still added, for its stop, µs.
@@ -15,7 +15,7 @@ const REWRITE_US: u64 = 250_000;
 
 /// A file that is written when the recorder has kept a trip, and again until it has kept its stop.
 pub struct FlightFile {
-    path: PathBuf,
+    file: RecordingFile,
     /// The trip that it has.
     has: Option<(u8, Trip)>,
     /// When it is to be written again.
@@ -25,48 +25,12 @@ pub struct FlightFile {
 }
 
 impl FlightFile {
-    /// A file with this path: none yet, or a recording, which stays until a trip.
+    /// A file with this path, see [`RecordingFile::new`].
     ///
     /// # Errors
-    /// Where it is another file, or none can be written there.
+    /// As there.
     pub fn new(path: &Path) -> io::Result<Self> {
-        match std::fs::metadata(path) {
-            Ok(found) if !found.is_file() => return Err(io::Error::other("no regular file")),
-            Ok(_) => {
-                let before = std::fs::read(path)?;
-                if !before.is_empty() && Recording::read_file(&before) == Err(Unreadable::Nothing) {
-                    let why = "it is there and no recording; choose another name";
-                    return Err(io::Error::other(why));
-                }
-            }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            Err(error) => return Err(error),
-        }
-        // A link is kept, and what it leads to is replaced.
-        let path = path.canonicalize().unwrap_or(path.to_owned());
-        let file = Self { path, has: None, next: None, failed: false };
-        std::fs::write(file.beside(), [])?;
-        std::fs::remove_file(file.beside())?;
-        Ok(file)
-    }
-
-    /// Where a new one is written, before it takes the place of the old one.
-    fn beside(&self) -> PathBuf {
-        let mut name = OsString::from(&self.path);
-        name.push(".new");
-        PathBuf::from(name)
-    }
-
-    /// Puts a whole recording in the place of the one before: whatever happens meanwhile, one of
-    /// both is there.
-    fn replace(&self, memory: &[u8]) -> io::Result<()> {
-        let beside = self.beside();
-        let replaced =
-            std::fs::write(&beside, memory).and_then(|()| std::fs::rename(&beside, &self.path));
-        if replaced.is_err() {
-            let _ = std::fs::remove_file(&beside);
-        }
-        replaced
+        Ok(Self { file: RecordingFile::new(path)?, has: None, next: None, failed: false })
     }
 
     /// Writes the file if there is something new for it.
@@ -86,9 +50,9 @@ impl FlightFile {
 
         let mut memory = world.recorded();
         memory.extend(Recording::checksum(&memory));
-        let (file, (axis, Trip { reason, .. })) = (self.path.display(), trip);
+        let (file, (axis, Trip { reason, .. })) = (self.file.path().display(), trip);
         let tripped = format!("axis {axis} tripped ({reason})");
-        let written = self.replace(&memory);
+        let written = self.file.replace(&memory);
         // Told once for each trip, and where it changes.
         let is_news = is_new || self.failed != written.is_err();
         self.failed = written.is_err();
