@@ -259,6 +259,7 @@ impl Page {
                 _ => Self::MotorSetting,
             },
             Failure::Update { .. } => Self::FirmwareUpdate,
+            Failure::FlightRecord { .. } => Self::FlightRecorder,
             Failure::Tripped { reason, .. } => Self::of_trip(reason),
             Failure::StoppedElsewhere { .. } => Self::NotInCommand,
             Failure::NotArrived { .. } => Self::NotArrived,

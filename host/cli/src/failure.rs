@@ -60,6 +60,8 @@ pub enum Failure {
     Lost { axes: Vec<u8>, cause: ClientError },
     /// What a flight recorder has kept cannot be played, or did not end as recorded.
     NotReplayed { path: String, why: String },
+    /// A flight recorder has not kept what was asked for, or it cannot be played.
+    FlightRecord { text: String },
     /// Captured frames that have no meaning.
     Undecoded { failed: u64, total: u64 },
     /// An axis tripped while it was to be held.
@@ -103,6 +105,7 @@ impl Failure {
             Self::Update { name, .. } | Self::Motor { name, .. } => name,
             Self::File { .. } => "File",
             Self::NotReplayed { .. } => "NotReplayed",
+            Self::FlightRecord { .. } => "FlightRecord",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
             Self::StoppedElsewhere { .. } => "StoppedElsewhere",
@@ -331,6 +334,7 @@ impl fmt::Display for Failure {
                 write!(f, "cannot read {path} ({source}). Check the path")
             }
             Self::NotReplayed { path, why } => write!(f, "{path}: {why}"),
+            Self::FlightRecord { text } => f.write_str(text),
             Self::Undecoded { failed, total } => {
                 write!(f, "{failed} of {total} lines are no frame that could be decoded")
             }

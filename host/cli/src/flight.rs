@@ -27,6 +27,8 @@ pub struct Replayed {
     pub recorded: Option<(u8, Trip)>,
     /// The trip of that axis when it was played.
     pub played: Option<Trip>,
+    /// Each trip that was played, in their order.
+    pub trips: Vec<(u8, Trip)>,
     /// From when to when calls were made, µs of the gateway's time.
     pub span_us: (u64, u64),
     /// How many.
@@ -78,6 +80,14 @@ fn leak(board: &RecordedBoard<'_>) -> &'static Board {
     }))
 }
 
+/// Who recorded, and who plays: where the builds differ, what is played differs.
+fn builds(RecordedBoard { name, firmware, build_id, .. }: &RecordedBoard<'_>) -> String {
+    format!(
+        "it was recorded by {name} {firmware} ({build_id}), and this is mgw {}",
+        env!("CARGO_PKG_VERSION")
+    )
+}
+
 /// Plays a recording on the core of this program, and hands each line of what happened to `tell`,
 /// with its time in µs.
 ///
@@ -90,19 +100,14 @@ pub fn play(
     let mut scratch = vec![0; MAX_SNAPSHOT];
     let replay = Replay::new(leak(&recording.board), recording, &mut scratch);
     let mut replay = Box::new(replay.map_err(|_| {
-        format!(
-            "the core of this program, {}, goes on from no snapshot of {} {} ({})",
-            env!("CARGO_PKG_VERSION"),
-            recording.board.name,
-            recording.board.firmware,
-            recording.board.build_id
-        )
+        format!("the core of this program cannot go on from it; {}", builds(&recording.board))
     })?);
     let since = recording.halves.first().map_or(0, |half| half.since.as_micros());
     let mut hosts: Vec<Deframer> = recording.board.links.iter().map(|_| Deframer::new()).collect();
     let mut replayed = Replayed {
         recorded: recording.trip,
         played: None,
+        trips: Vec::new(),
         span_us: (since, since),
         calls: 0,
         diverged_us: None,
@@ -131,6 +136,7 @@ pub fn play(
         let now_tripped = replay.core().tripped();
         for (axis, trip) in replay.core().trips(now_tripped.without(tripped)) {
             tell(trip.time_us, format!("axis {axis} trips: {}", trip.reason));
+            replayed.trips.push((axis, trip));
             if recording.trip.is_some_and(|(recorded, _)| recorded == axis) {
                 // One that was cleared may come before it.
                 if !replayed.is_same() {
@@ -206,6 +212,101 @@ fn can_text(frame: &CanFrame) -> String {
     format!("{}#{}", host_protocol::CanId(frame.id()), hex(frame.data()))
 }
 
+/// A recording that was played: what happened, line by line, and what came of it.
+pub struct Told {
+    lines: Lines,
+    replayed: Replayed,
+    /// Who recorded and who played it.
+    builds: String,
+}
+
+impl Told {
+    /// Plays a recording.
+    ///
+    /// # Errors
+    /// As [`play`].
+    pub fn new(recording: &Recording<'_>) -> Result<Self, String> {
+        let mut lines = Lines::default();
+        let replayed = play(recording, |at, line| lines.add(at, line))?;
+        Ok(Self { lines, replayed, builds: builds(&recording.board) })
+    }
+
+    /// Whether this is the trip of an axis that it was recorded for, or one that was played.
+    pub fn has(&self, trip: (u8, Trip)) -> bool {
+        let is_it = |other: &(u8, Trip)| is_same_trip(*other, trip);
+        self.replayed.recorded.iter().chain(&self.replayed.trips).any(is_it)
+    }
+
+    /// Prints what happened `around` the trip, and whether it ended as recorded; if not, `wrong` is
+    /// told why.
+    pub fn print(
+        &self,
+        around: Duration,
+        out: Output,
+        wrong: impl Fn(String) -> Failure,
+    ) -> Result<(), Failure> {
+        let replayed = &self.replayed;
+        let (from, to) = replayed.span_us;
+        let trip_at = replayed.recorded.map_or(to, |(_, trip)| trip.time_us);
+        let around = u64::try_from(around.as_micros()).unwrap_or(u64::MAX);
+        let shown = trip_at.saturating_sub(around)..=trip_at.saturating_add(around);
+        for (at, line) in self.lines.0.iter().filter(|(at, _)| shown.contains(at)) {
+            out.event(
+                "replayed_line",
+                format!("t={}  {line}", words::seconds(*at)),
+                json!({
+                    "time_us": at, "text": line,
+                }),
+            )?;
+        }
+        let trip = |trip: Option<Trip>| trip.map(|trip| axis::trip(&trip, None));
+        let axis = replayed.recorded.map(|(axis, _)| axis);
+        out.object(&json!({
+            "event": "replayed", "from_us": from, "to_us": to, "calls": replayed.calls,
+            "axis": axis, "recorded": trip(replayed.recorded.map(|(_, trip)| trip)),
+            "played": trip(replayed.played), "diverged_us": replayed.diverged_us,
+            "is_same": replayed.recorded.is_some() && replayed.is_same(),
+        }))?;
+        let text = |axis: u8, trip: &Trip| {
+            let what = words::tripped(axis, &trip.reason, None);
+            format!("t={}  {what}", words::seconds(trip.time_us))
+        };
+        out.text(format!(
+            "{} calls from t={} to t={}",
+            replayed.calls,
+            words::seconds(from),
+            words::seconds(to)
+        ))?;
+        match (replayed.recorded, replayed.played) {
+            (Some((axis, recorded)), played) => {
+                out.text(format!("recorded  {}", text(axis, &recorded)))?;
+                let played =
+                    played.map_or("no trip of it".to_owned(), |played| text(axis, &played));
+                out.text(format!("played    {played}"))?;
+            }
+            (None, _) => return Err(wrong("no trip was recorded".to_owned())),
+        }
+        let builds = &self.builds;
+        match replayed.diverged_us {
+            _ if replayed.is_same() => {
+                let after_ms = to.saturating_sub(trip_at) / 1000;
+                out.text(format!("the same; the recording ends {after_ms} ms after the trip"))
+            }
+            Some(at) => {
+                let at = words::seconds(at);
+                let what = format!("at t={at} this core is in another state than was recorded");
+                Err(wrong(format!("{what}; {builds}")))
+            }
+            None => Err(wrong(format!("this core does not trip as was recorded; {builds}"))),
+        }
+    }
+}
+
+/// Whether two trips of axes are one.
+pub fn is_same_trip((axis, trip): (u8, Trip), (other, others): (u8, Trip)) -> bool {
+    axis == other && told(trip) == told(others)
+}
+
 /// Plays a file and prints what happened `around` its trip, and whether it ended as recorded.
 pub fn run(file: &Path, around: Duration, out: Output) -> Result<(), Failure> {
     let path = file.display().to_string();
@@ -221,56 +322,5 @@ pub fn run(file: &Path, around: Duration, out: Output) -> Result<(), Failure> {
         return Err(wrong("it is longer than the memory of any flight recorder".to_owned()));
     }
     let recording = Recording::read_file(&bytes).map_err(|error| wrong(error.to_string()))?;
-    let mut lines = Lines::default();
-    let replayed = play(&recording, |at, line| lines.add(at, line)).map_err(wrong)?;
-    let (from, to) = replayed.span_us;
-    let trip_at = replayed.recorded.map_or(to, |(_, trip)| trip.time_us);
-    let around = u64::try_from(around.as_micros()).unwrap_or(u64::MAX);
-    let shown = trip_at.saturating_sub(around)..=trip_at.saturating_add(around);
-    for (at, line) in lines.0.iter().filter(|(at, _)| shown.contains(at)) {
-        out.event(
-            "replayed_line",
-            format!("t={}  {line}", words::seconds(*at)),
-            json!({
-                "time_us": at, "text": line,
-            }),
-        )?;
-    }
-    let trip = |trip: Option<Trip>| trip.map(|trip| axis::trip(&trip, None));
-    let axis = replayed.recorded.map(|(axis, _)| axis);
-    out.object(&json!({
-        "event": "replayed", "from_us": from, "to_us": to, "calls": replayed.calls, "axis": axis,
-        "recorded": trip(replayed.recorded.map(|(_, trip)| trip)), "played": trip(replayed.played),
-        "diverged_us": replayed.diverged_us,
-        "is_same": replayed.recorded.is_some() && replayed.is_same(),
-    }))?;
-    let text = |axis: u8, trip: &Trip| {
-        let what = words::tripped(axis, &trip.reason, None);
-        format!("t={}  {what}", words::seconds(trip.time_us))
-    };
-    out.text(format!(
-        "{} calls from t={} to t={}",
-        replayed.calls,
-        words::seconds(from),
-        words::seconds(to)
-    ))?;
-    match (replayed.recorded, replayed.played) {
-        (Some((axis, recorded)), played) => {
-            out.text(format!("recorded  {}", text(axis, &recorded)))?;
-            let played = played.map_or("no trip of it".to_owned(), |played| text(axis, &played));
-            out.text(format!("played    {played}"))?;
-        }
-        (None, _) => return Err(wrong("no trip was recorded".to_owned())),
-    }
-    match replayed.diverged_us {
-        _ if replayed.is_same() => {
-            let after_us = to.saturating_sub(trip_at);
-            out.text(format!("the same; the recording ends {} ms after the trip", after_us / 1000))
-        }
-        Some(at) => {
-            let at = words::seconds(at);
-            Err(wrong(format!("at t={at} this core is in another state than was recorded")))
-        }
-        None => Err(wrong("this core does not trip as was recorded".to_owned())),
-    }
+    Told::new(&recording).map_err(wrong)?.print(around, out, wrong)
 }

@@ -4,6 +4,7 @@ mod bench;
 mod config;
 mod delays;
 mod finding;
+mod flight;
 mod frames;
 mod motion;
 mod motor;
@@ -27,6 +28,7 @@ pub use bench::BenchArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use delays::DelaysArgs;
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanCommand, ScanTarget};
+pub use flight::{Around, ShowTripArgs, TripsAction};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
 pub use motion::{
     CycleArgs, CycleTarget, JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs,
@@ -38,7 +40,7 @@ pub use plan::{HostLine, PlanArgs};
 pub use recording::{FileArgs, Part, PlayArgs, PlotArgs, RecordArgs};
 pub use typed::{Typed, TypedClear, TypedMotor, TypedScan, TypedStop};
 pub use update::{ImageArgs, UpdateArgs};
-use values::{clear_target, seconds, some_seconds, stop_target};
+use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, TopArgs, WatchArgs};
 
 /// Where `mgw sim` listens unless told otherwise.
@@ -122,8 +124,11 @@ pub enum Command {
     Info,
 
     /// Show what the gateway remembers over a reset: its last trips and starts, and the crash
-    /// report
-    Trips,
+    /// report; or what led to a trip
+    Trips {
+        #[command(subcommand)]
+        action: Option<TripsAction>,
+    },
 
     /// List the axes with bus, protocol, node and state
     Axes,
@@ -331,12 +336,8 @@ pub enum Command {
         /// The file
         #[arg(value_name = "FILE")]
         file: PathBuf,
-        /// Seconds before and after the trip of which every frame is shown
-        #[arg(
-            long, value_name = "SECONDS", default_value = "0.02", value_parser = some_seconds,
-            allow_negative_numbers = true
-        )]
-        around: Duration,
+        #[command(flatten)]
+        around: Around,
     },
 
     /// Draw curves of a recording as SVG or PNG; needs no gateway

@@ -39,7 +39,7 @@ pub use trips::line as incident_line;
 
 use mgw_client::{Interrupt, Transport};
 
-use crate::args::Command;
+use crate::args::{Command, TripsAction};
 use crate::bench;
 use crate::failure::Failure;
 use crate::output::Output;
@@ -78,6 +78,7 @@ pub fn run(
         | Command::Motor(_)
         | Command::Raw { .. } => Progress::none(),
         Command::Update(_) => out.waiting_for("waiting for the gateway"),
+        Command::Trips { action: Some(_) } => out.waiting_for("waiting for the flight recorder"),
         _ => out.waiting_for("waiting for the motors"),
     };
     let result = match stop {
@@ -136,7 +137,10 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
         Command::Stop { .. } | Command::Estop => Ok(()),
         Command::Info => info::run(session),
         Command::Update(arguments) => update::run(session, arguments),
-        Command::Trips => trips::run(session),
+        Command::Trips { action: None } => trips::run(session),
+        Command::Trips { action: Some(TripsAction::Show(arguments)) } => {
+            trips::show(session, arguments)
+        }
         Command::Axes => axes::run(session),
         Command::Config { action } => config::run(session, action),
         Command::Arm { axes, seconds } => {

@@ -36,6 +36,7 @@ mod support;
 mod terminal;
 #[cfg(target_os = "linux")]
 mod top;
+mod trips;
 mod typed;
 mod update;
 mod vectors;
