@@ -1,12 +1,14 @@
 //! The program as a user runs it: its output, its exit code, and a simulated gateway beside it.
 
 use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpListener;
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use host_protocol::{Deframer, MAX_FRAME, Reply, Request};
 use nix::sys::signal::{self, Signal};
 use nix::unistd::Pid;
 use serde_json::Value;
@@ -255,6 +257,27 @@ fn mgw_despite(port: &str, passing: &str, arguments: &[&str]) -> Outcome {
             return outcome;
         }
     }
+}
+
+/// A gateway for one session that answers by `reply`; how it is reached.
+pub fn scripted_gateway(reply: impl Fn(&Request) -> Reply + Send + 'static) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut deframer = Deframer::new();
+        let mut bytes = [0; 512];
+        while let Ok(length @ 1..) = stream.read(&mut bytes) {
+            for byte in &bytes[..length] {
+                let Some(Ok(frame)) = deframer.push(*byte) else { continue };
+                let Ok(request) = Request::decode(frame.number, frame.body) else { continue };
+                let mut out = [0; MAX_FRAME];
+                let length = reply(&request).encode_frame(frame.sequence, &mut out).unwrap();
+                stream.write_all(&out[..length]).unwrap();
+            }
+        }
+    });
+    port
 }
 
 /// `mgw sim` on a port of its own.

@@ -3,8 +3,13 @@
 use std::fs;
 use std::path::PathBuf;
 
+use flight_recorder::Recording;
+use host_protocol::replies::{FlightRecordPage, MAX_FLIGHT_RECORD_BYTES};
+use host_protocol::{Reply, Request};
+
+use crate::hostile_text::hostile_reply;
 use crate::server::Server;
-use crate::support::{Outcome, Process, Sim, json, mgw};
+use crate::support::{Outcome, Process, Sim, json, mgw, scripted_gateway};
 
 fn file(name: &str) -> PathBuf {
     let path = std::env::temp_dir().join(format!("mgw-{}-{name}.mgfr", std::process::id()));
@@ -116,4 +121,62 @@ fn programs_of_a_server_read_it_side_by_side() {
             assert_eq!(program.join().unwrap(), shown);
         }
     });
+}
+
+/// Where the halves of a memory begin, and what the head of one is as long as.
+const HALVES: usize = 128;
+const HEAD: usize = 28;
+
+/// The same recording with a snapshot that lacks its last byte, as of a build that has another one;
+/// it counts to the calls behind it.
+fn of_another_build(file: &[u8]) -> Vec<u8> {
+    let mut memory = file[..file.len() - 4].to_vec();
+    let half = &mut memory[HALVES..];
+    let length = |half: &[u8], at| u32::from_le_bytes(half[at..][..4].try_into().unwrap());
+    let (board, snapshot, calls) = (length(half, 12), length(half, 16) - 1, length(half, 20) + 1);
+    half[16..20].copy_from_slice(&snapshot.to_le_bytes());
+    let fixed = usize::try_from(board + snapshot).unwrap();
+    let checksum = Recording::checksum(&[&half[..20], &half[HEAD..][..fixed]].concat());
+    half[20..24].copy_from_slice(&calls.to_le_bytes());
+    half[24..28].copy_from_slice(&checksum);
+    memory
+}
+
+/// A gateway that has kept this.
+fn keeps(memory: Vec<u8>) -> String {
+    scripted_gateway(move |request| {
+        let Request::ReadFlightRecord(read) = request else { return hostile_reply(request) };
+        let from = usize::try_from(read.offset).unwrap();
+        Reply::ReadFlightRecord(FlightRecordPage {
+            id: 1,
+            parts: 1,
+            length: u32::try_from(memory.len()).unwrap(),
+            bytes: memory[from..].iter().copied().take(MAX_FLIGHT_RECORD_BYTES).collect(),
+        })
+    })
+}
+
+#[test]
+fn what_another_build_has_recorded_is_told_and_kept() {
+    let mut sim = Sim::patient();
+    trip(&mut sim);
+    let kept = file("another-build");
+    let path = kept.to_str().unwrap();
+    show(&sim, &["--save", path]).success();
+    let memory = of_another_build(&fs::read(&kept).unwrap());
+    fs::remove_file(&kept).unwrap();
+
+    let ours = env!("CARGO_PKG_VERSION");
+    let builds = format!("recorded by simulated {ours} (simulator), and this is mgw {ours}");
+    let port = keeps(memory.clone());
+    let text = mgw(&["--port", &port, "trips", "show"]).failure(1);
+    assert!(text.contains("the core of this program cannot go on from it"), "{text}");
+    assert!(text.contains(&builds), "{text}");
+    assert!(text.contains("--save FILE"), "{text}");
+    let port = keeps(memory.clone());
+    let text = mgw(&["--port", &port, "trips", "show", "--save", path]).failure(1);
+    assert!(text.contains(&builds) && text.contains(&format!("is in {path}")), "{text}");
+    let saved = fs::read(&kept).unwrap();
+    assert_eq!(saved, [&memory[..], &Recording::checksum(&memory)].concat());
+    assert!(mgw(&["replay", path]).failure(1).contains(&builds));
 }
