@@ -232,6 +232,9 @@ pub enum Ask {
     Incidents {
         first: u8,
     },
+    FlightRecord {
+        offset: u32,
+    },
     BusStatus {
         bus: u8,
     },

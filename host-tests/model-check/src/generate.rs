@@ -304,6 +304,7 @@ impl Generator {
             12 => Ask::RawOpen { bus: 0, unsafe_access: self.dice.percent(20) },
             14..16 => Ask::BusStatus { bus: self.dice.byte() % BUSES },
             13 => Ask::Incidents { first: self.dice.pick(&[0, 0, 8, 15, 255]) },
+            16 => Ask::FlightRecord { offset: 0 },
             _ => Ask::Ping,
         };
         if self.dice.percent(10) && world.reads(link) {

@@ -184,6 +184,9 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             Request::Subscribe(requests::Subscribe { axes, fields, period_us })
         }
         Ask::Incidents { first } => Request::ReadIncidents(requests::ReadIncidents { first }),
+        Ask::FlightRecord { offset } => {
+            Request::ReadFlightRecord(requests::ReadFlightRecord { part: 0, offset })
+        }
         Ask::BusStatus { bus } => Request::BusStatus(requests::BusStatus { bus }),
         Ask::List => Request::ListAxes(requests::ListAxes { first: 0 }),
         Ask::Status => Request::GatewayStatus(requests::GatewayStatus {}),

@@ -74,6 +74,7 @@ pub fn any_ask(dice: &mut Dice) -> Ask {
         36 => Ask::ClearUnreachable { axis },
         37 => Ask::Clear { axis },
         38 => Ask::OutputOff { axis },
+        39 if dice.one_in(3) => Ask::FlightRecord { offset: dice.pick(&[0, 9, 10, u32::MAX]) },
         _ => Ask::Ping,
     }
 }

@@ -4,7 +4,8 @@ use super::{MAX_AT_ONCE, World};
 use crate::bus::{arbitration, can_frame};
 use crate::plant::{BUSES, LINKS};
 use gateway::{
-    Event, Gateway, Instant, MAX_SNAPSHOT, Outgoing, SaveError, Set, Transmit, port::TRANSMIT_SLOTS,
+    Event, FlightPage, FlightReadError, Gateway, Instant, MAX_SNAPSHOT, Outgoing, SaveError, Set,
+    Transmit, port::TRANSMIT_SLOTS,
 };
 use host_protocol::{BusState, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
 use promise_model::Frame;
@@ -28,6 +29,7 @@ pub(super) enum Input {
     Overflow { bus: u8 },
     Pin { open: bool },
     Stored { done: bool },
+    Flight(Result<&'static [u8], FlightReadError>),
     Tick,
 }
 
@@ -134,6 +136,10 @@ impl World {
                 let result = if *done { Ok(()) } else { Err(SaveError::Failed) };
                 Event::Saved { result }
             }
+            Input::Flight(bytes) => {
+                let page = |bytes| FlightPage { id: 1, parts: 1, length: 10, bytes };
+                Event::FlightRecord { result: bytes.map(page) }
+            }
             Input::Tick => Event::Tick,
         };
         self.counts.events += 1;
@@ -146,6 +152,22 @@ impl World {
         if changes.save {
             self.store();
         }
+        if changes.flight_read {
+            self.read_flight_record();
+        }
+    }
+
+    /// The flight recorder has something, refuses, or does not answer; the time chooses which.
+    fn read_flight_record(&mut self) {
+        let Some(read) = self.gateway.take_flight_read() else { return };
+        self.note(|| format!("out the flight recorder: {read:?}"));
+        let bytes = [&[7; 10][..], &[]][usize::from(read.offset > 9)];
+        let answer = match self.now_us % 4 {
+            0 => return,
+            1 => Err(FlightReadError::Recording),
+            _ => Ok(bytes),
+        };
+        self.inputs.push_back(Input::Flight(answer));
     }
 
     /// Now and then the gateway is another one, which goes on from a snapshot: nobody notices.
