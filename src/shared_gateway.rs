@@ -257,9 +257,8 @@ impl SharedGateway {
         self.hand_out(parts, now, changes);
         if changes.flight_read && parts.core.take_flight_read().is_some() {
             // No board has a flight recorder yet.
-            let refused = Event::FlightRecord { result: Err(FlightReadError::NoRecorder) };
-            let changes = parts.storing(|core, store| core.handle(now, refused, store));
-            self.hand_out(parts, now, changes);
+            let result = Err(FlightReadError::NoRecorder);
+            self.follow(parts, now, &Event::FlightRecord { result });
         }
         board::set_enable_output(parts.core.enable_output() && !self.is_bare);
     }
