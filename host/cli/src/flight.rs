@@ -196,7 +196,10 @@ fn tell_event(event: &Event<'_>, hosts: &mut [Deframer], mut tell: impl FnMut(St
             tell(format!("e-stop input {}", if open { "open" } else { "closed" }));
         }
         Event::Saved { result } => tell(format!("stored: {result:?}")),
-        Event::FlightRecord { .. } => tell("the flight recorder is read".to_owned()),
+        Event::FlightRecord { result: Ok(_) } => tell("the flight recorder is read".to_owned()),
+        Event::FlightRecord { result: Err(why) } => {
+            tell(format!("the flight recorder is not read: {why:?}"));
+        }
         Event::Tick => {}
     }
 }
