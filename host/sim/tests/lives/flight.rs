@@ -1,10 +1,11 @@
 //! The flight recorder of a simulated board, read over a host link.
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use flight_recorder::Recording;
 use host_protocol::{BootReason, ClearTarget, Error, StopTarget, Trip, TripReason};
-use mgw_client::ClientError;
+use mgw_client::{Client, ClientError, Hold};
 use mgw_sim::Wiring;
 
 use crate::four_motors::Rig;
@@ -47,4 +48,24 @@ fn what_led_to_a_trip_is_read_until_an_axis_is_armed_again() {
     assert_eq!(rig.client.flight_record().unwrap(), None, "nothing has tripped since");
     let (other, _) = tripped(&mut rig);
     assert_ne!(other, file);
+}
+
+#[test]
+fn what_may_still_trip_is_recorded_to_its_end() {
+    let mut rig = Rig::new(Wiring::four_motors());
+    let holds = rig.arm();
+    let hold = |holds: &[Hold], client: &mut Client<_>, ms| {
+        let time = Duration::from_millis(ms);
+        client.hold_setpoints(holds, time, |_| Ok(ControlFlow::Continue(()))).unwrap();
+    };
+    hold(&holds, &mut rig.client, 50);
+    // Axis 0 is given no setpoints any more and trips; the others go on, and may trip later.
+    hold(&holds[1..], &mut rig.client, 300);
+    assert!(rig.client.read_state(0).unwrap().trip.is_some());
+    let error = rig.client.flight_record().unwrap_err();
+    assert!(matches!(error, ClientError::Gateway(Error::FlightRecording {})), "{error}");
+    rig.client.stop(StopTarget::All).unwrap();
+    rig.client.pause(Duration::from_millis(500)).unwrap();
+    let file = rig.client.flight_record().unwrap().expect("it has kept the trip");
+    assert_eq!(Recording::read_file(&file).unwrap().trip.map(|(axis, _)| axis), Some(0));
 }
