@@ -2,29 +2,50 @@
 
 use crate::board::RecordedBoard;
 use crate::call::{Call, Outcome};
-use crate::memory::{self, Head};
-use gateway::{Gateway, Instant, Set};
+use crate::file::{HalfHead, Head, MARK};
+use crate::shelf::Shelf;
+use crate::window::{self, Page};
+use gateway::{Gateway, Instant, Part, Set};
+use heapless::Vec;
 use host_protocol::{Trip, TripReason};
 
-/// Keeps the latest calls to a core in a memory of the caller's.
+/// Parts before those of the copies: what a file begins with, and the calls of each half.
+const FIRST_PARTS: usize = 3;
+
+/// Keeps the latest calls to a core.
 ///
-/// The caller [notes](Self::note) each [`Call`] right before it makes it, and has the recorder
-/// [watch](Self::watch) what has come of it after each `handle`.
-pub struct Recorder<M> {
-    memory: M,
+/// Its caller [notes](Self::note) each [`Call`] right before it makes it, has the recorder
+/// [watch](Self::watch) what has come of it after each `handle`, and
+/// [copies](Self::copy_some) when it has time.
+pub struct Recorder<S> {
+    shelf: S,
     state: State,
-    /// The half that is written, and its number.
+    /// A copy is to be made in the half that is not written, and the making has begun.
+    wants_copy: bool,
+    copies: bool,
+    halves: [Kept; 2],
+    /// The half that is written.
     half: usize,
+    /// Counts the halves that were begun; one that is no successor of the other begins anew.
     number: u32,
-    /// Where in its contents the next call comes, and the first came.
-    at: usize,
-    calls_at: usize,
+    /// The first axis that tripped, and its trip.
+    trip: Option<(u8, Trip)>,
     /// When the last call was made.
     last: Instant,
     /// What was asked since anything changed: another time it changes nothing.
     asked: Asked,
     /// What was seen at the last look.
     outcome: Option<Outcome>,
+}
+
+/// What a half has.
+#[derive(Debug, Clone, Copy, Default)]
+struct Kept {
+    /// `None` where it has no whole copy.
+    number: Option<u32>,
+    since: Instant,
+    /// Bytes of calls.
+    calls: usize,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -63,6 +84,8 @@ impl Asked {
 enum State {
     /// Nothing moves, or what led to a trip is kept.
     Waits,
+    /// An axis moves, and there is no copy yet behind which calls could be kept.
+    Begins,
     Records,
     /// After a trip: until the half is full.
     Ends,
@@ -73,61 +96,83 @@ fn new_trip(core: &Gateway, axes: Set) -> Option<(u8, Trip)> {
     core.trips(axes).min_by_key(|(_, trip)| matches!(trip.reason, TripReason::Group { .. }))
 }
 
-impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
-    /// A recorder that waits. What the memory holds stays until an axis is armed.
-    pub fn new(memory: M) -> Self {
-        let newest = (0..2).filter_map(|half| memory::head(memory::half(memory.as_ref(), half)));
-        let number = newest.map(|head| head.number).max().unwrap_or_default();
+impl<S: Shelf> Recorder<S> {
+    /// A recorder that has kept nothing and waits.
+    pub const fn new(shelf: S) -> Self {
+        const NOTHING: Kept = Kept { number: None, since: Instant::from_micros(0), calls: 0 };
         Self {
-            memory,
+            shelf,
             state: State::Waits,
+            wants_copy: false,
+            copies: false,
+            halves: [NOTHING; 2],
             half: 0,
-            number,
-            at: 0,
-            calls_at: 0,
+            number: 0,
+            trip: None,
             last: Instant::from_micros(0),
-            asked: Asked::default(),
+            asked: Asked { changes: false, deadline: false, links: Set::NONE },
             outcome: None,
         }
     }
 
-    /// All of it, for [`Recording::read`](crate::Recording::read).
-    pub fn memory(&self) -> &[u8] {
-        self.memory.as_ref()
-    }
-
-    /// Whether calls are kept at present.
+    /// Whether calls are kept at present, or are to be.
     pub fn is_recording(&self) -> bool {
         self.state != State::Waits
     }
 
+    /// The axis that tripped first, and its trip.
+    pub fn trip(&self) -> Option<(u8, Trip)> {
+        self.trip
+    }
+
+    /// Whether [`copy_some`](Self::copy_some) has something to do.
+    pub fn wants_copy(&self) -> bool {
+        self.wants_copy
+    }
+
+    /// After a trip: nothing more is added. Returns whether what is kept stays as it is until an
+    /// axis is armed.
+    pub fn end(&mut self) -> bool {
+        if self.state == State::Ends {
+            self.wait();
+        }
+        self.state == State::Waits
+    }
+
+    /// Another core begins.
+    pub(crate) fn restart(&mut self) {
+        self.wait();
+        (self.outcome, self.last) = (None, Instant::from_micros(0));
+    }
+
+    fn wait(&mut self) {
+        (self.state, self.wants_copy, self.copies) = (State::Waits, false, false);
+    }
+
     /// Keeps a call that is about to be made. What was asked and changes nothing another time is
     /// kept once; a link that had something to send is told of by [`sent`](Self::sent).
-    pub fn note(&mut self, core: &mut Gateway, now: Instant, call: &Call<'_>) {
-        if self.state == State::Waits || !self.asked.take(call) || self.add(now, call) {
-            return;
-        }
-        // The half is full.
-        if self.state == State::Ends {
-            self.state = State::Waits;
-            return;
-        }
-        if !self.begin_other_half(core, now) || !self.add(now, call) {
-            self.state = State::Waits;
+    #[inline(always)]
+    pub fn note(&mut self, now: Instant, call: &Call<'_>) {
+        if S::KEEPS && matches!(self.state, State::Records | State::Ends) {
+            self.keep(now, call);
         }
     }
 
-    /// Goes on in the other half; whether a snapshot fits there.
-    fn begin_other_half(&mut self, core: &mut Gateway, now: Instant) -> bool {
-        self.number = self.number.wrapping_add(1);
-        self.half = 1 - self.half;
-        self.begin(core, now)
-    }
-
-    /// Whether most of the half is taken.
-    fn is_nearly_full(&self) -> bool {
-        let room = memory::contents(memory::half(self.memory.as_ref(), self.half)).len();
-        self.at > room - room / 4
+    #[inline(never)]
+    fn keep(&mut self, now: Instant, call: &Call<'_>) {
+        if !self.asked.take(call) {
+            return;
+        }
+        if self.add(now, call) {
+            self.wants_copy |= self.state == State::Records && self.is_nearly_full();
+            return;
+        }
+        // The half is full. Where the copy behind which to go on takes longer than that, what passes
+        // until then is lost.
+        match self.state {
+            State::Records => self.begin(),
+            _ => self.wait(),
+        }
     }
 
     /// `poll_host` gave something: another time it may give more.
@@ -136,70 +181,146 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
     }
 
     /// Looks at what has come of an event.
+    #[inline(always)]
     pub fn watch(&mut self, core: &mut Gateway, now: Instant) {
-        let outcome = Outcome::of(core);
+        if S::KEEPS
+            && let Some(outcome) = Outcome::behind(core, self.outcome)
+        {
+            self.came(core, now, outcome);
+        }
+    }
+
+    #[inline(never)]
+    fn came(&mut self, core: &mut Gateway, now: Instant, outcome: Outcome) {
         let Outcome { moving, tripped, .. } = outcome;
+        let before = self.outcome.replace(outcome);
         let (moved, had_tripped) =
-            self.outcome.map_or((Set::NONE, Set::NONE), |seen| (seen.moving, seen.tripped));
+            before.map_or((Set::NONE, Set::NONE), |seen| (seen.moving, seen.tripped));
         let newly_armed = !moving.without(moved).is_empty();
         let new_trip = new_trip(core, tripped.without(had_tripped));
-        if self.outcome.replace(outcome) != Some(outcome) {
-            self.note(core, now, &Call::Came(outcome));
-        }
+        self.note(now, &Call::Came(outcome));
         match self.state {
             State::Waits if newly_armed => {
-                memory::put_trip(self.memory.as_mut(), None);
-                // What is there is no predecessor.
-                self.number = self.number.wrapping_add(2);
-                if self.begin(core, now) {
-                    self.state = State::Records;
-                }
+                self.trip = None;
+                self.begin();
             }
             State::Ends if newly_armed => {
-                memory::put_trip(self.memory.as_mut(), None);
+                self.trip = None;
                 self.state = State::Records;
             }
             State::Records if new_trip.is_some() => {
-                memory::put_trip(self.memory.as_mut(), new_trip);
+                // The stop is to be in it: where little room is left, a copy is wanted already.
+                self.trip = new_trip;
                 self.state = State::Ends;
-                // The stop is to be in it.
-                if self.is_nearly_full() && !self.begin_other_half(core, now) {
-                    self.state = State::Waits;
-                }
             }
-            State::Records if moving.is_empty() => self.state = State::Waits,
+            State::Begins | State::Records if moving.is_empty() => self.wait(),
             _ => {}
         }
     }
 
-    /// Begins the half with a snapshot; whether that fits.
-    fn begin(&mut self, core: &mut Gateway, now: Instant) -> bool {
-        let board = RecordedBoard::from(core.board());
-        let half = memory::half_mut(self.memory.as_mut(), self.half);
-        let contents = memory::contents_mut(half);
-        let Ok(board) = postcard::to_slice(&board, contents).map(|written| written.len()) else {
-            return false;
-        };
-        let rest = contents.get_mut(board..).unwrap_or_default();
-        let Some(snapshot) = core.snapshot(rest).map(<[u8]>::len) else { return false };
-        memory::put_head(
-            half,
-            &Head { number: self.number, since: now, board, snapshot, calls: 0 },
-        );
-        (self.calls_at, self.at, self.last) = (board + snapshot, board + snapshot, now);
-        self.asked = Asked::default();
-        true
+    /// Begins anew behind the next copy.
+    fn begin(&mut self) {
+        // What is there is no predecessor.
+        self.number = self.number.wrapping_add(1);
+        (self.state, self.wants_copy) = (State::Begins, true);
+    }
+
+    /// Whether most of the half is taken.
+    fn is_nearly_full(&self) -> bool {
+        let room = self.shelf.read_calls(self.half).len();
+        self.halves.get(self.half).is_none_or(|half| half.calls > room - room / 4)
+    }
+
+    /// Copies a part of the core, and goes on behind the copy when it is whole. Returns whether
+    /// more is to be copied. Between two calls to the core.
+    pub fn copy_some(&mut self, core: &mut Gateway, now: Instant) -> bool {
+        let other = 1 - self.half;
+        if !core::mem::replace(&mut self.copies, true) {
+            core.begin_copy();
+            if let Some(half) = self.halves.get_mut(other) {
+                half.number = None;
+            }
+        }
+        if let Some(bytes) = core.next_to_copy() {
+            self.shelf.copy(other, core, bytes);
+        }
+        if core.has_more_to_copy() {
+            return true;
+        }
+        core.settle_all();
+        self.shelf.complete(other, core);
+        self.number = self.number.wrapping_add(1);
+        if let Some(half) = self.halves.get_mut(other) {
+            *half = Kept { number: Some(self.number), since: now, calls: 0 };
+        }
+        (self.half, self.last, self.asked) = (other, now, Asked::default());
+        (self.wants_copy, self.copies) = (false, false);
+        if self.state == State::Begins {
+            self.state = State::Records;
+        }
+        false
     }
 
     /// Writes a call behind the others; whether there was room.
     fn add(&mut self, now: Instant, call: &Call<'_>) -> bool {
-        let half = memory::half_mut(self.memory.as_mut(), self.half);
-        let Some(rest) = memory::contents_mut(half).get_mut(self.at..) else { return false };
-        let since = now.as_micros().saturating_sub(self.last.as_micros());
-        let Ok(written) = postcard::to_slice(&(since, call), rest) else { return false };
-        self.at += written.len();
+        let since_us = now.as_micros().saturating_sub(self.last.as_micros());
+        let Some(half) = self.halves.get_mut(self.half) else { return false };
+        let room = self.shelf.calls(self.half).get_mut(half.calls..).unwrap_or_default();
+        let Some(length) = call.encode(since_us, room) else { return false };
+        half.calls += length;
         self.last = self.last.max(now);
-        memory::put_calls(half, self.at - self.calls_at);
         true
+    }
+
+    /// The halves that belong together, the older one first.
+    fn kept(&self) -> impl Iterator<Item = (usize, Kept)> {
+        let of = |half: usize| Some((half, *self.halves.get(half)?));
+        let last = of(self.half).filter(|(_, last)| last.number.is_some());
+        let before = last.and_then(|(_, last)| last.number).map(|number| number.wrapping_sub(1));
+        let older = of(1 - self.half).filter(|(_, older)| older.number == before);
+        older.filter(|_| before.is_some()).into_iter().chain(last)
+    }
+
+    /// Reads what has been kept, for a file: bytes of a part from `offset` on. `None` where there
+    /// is no such part.
+    pub fn page(&self, part: u16, offset: u32, out: &mut [u8]) -> Option<Page> {
+        let halves = || self.kept().map(|(half, _)| half);
+        let offset = usize::try_from(offset).ok()?;
+        let part = usize::from(part);
+        let length = match part {
+            0 => {
+                let half = |(_, kept): (usize, Kept)| HalfHead {
+                    since: kept.since,
+                    calls: u32::try_from(kept.calls).unwrap_or(u32::MAX),
+                };
+                let halves: Vec<HalfHead, 2> = self.kept().map(half).collect();
+                let board = self.kept().last().map(|(half, _)| self.shelf.copied(half).board());
+                let board = RecordedBoard::from(board.unwrap_or_default());
+                let head = Head { trip: self.trip, halves, board };
+                window::encode(&(MARK, head), offset, out)
+            }
+            1 | 2 => {
+                let (half, kept) = self.kept().nth(part - 1).unzip();
+                let calls = half.map_or(&[][..], |half| self.shelf.read_calls(half));
+                let calls = calls.get(..kept.map_or(0, |kept| kept.calls)).unwrap_or_default();
+                window::copy(calls, offset, out)
+            }
+            _ => {
+                let of_copies = part - FIRST_PARTS;
+                let half = halves().nth(of_copies / Part::COUNT)?;
+                let part = Part::of(self.shelf.copied(half), of_copies % Part::COUNT)?;
+                window::encode(&part, offset, out)
+            }
+        };
+        let parts = match halves().count() {
+            0 => 0,
+            halves => FIRST_PARTS + halves * Part::COUNT,
+        };
+        Some(Page {
+            id: self.number,
+            parts: u16::try_from(parts).ok()?,
+            length: u32::try_from(length).ok()?,
+            written: length.saturating_sub(offset).min(out.len()),
+        })
     }
 }

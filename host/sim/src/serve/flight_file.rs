@@ -59,10 +59,10 @@ impl FlightFile {
 
     /// Puts a whole recording in the place of the one before: whatever happens meanwhile, one of
     /// both is there.
-    fn replace(&self, memory: &[u8]) -> io::Result<()> {
+    fn replace(&self, record: &[u8]) -> io::Result<()> {
         let beside = self.beside();
         let replaced =
-            std::fs::write(&beside, memory).and_then(|()| std::fs::rename(&beside, &self.path));
+            std::fs::write(&beside, record).and_then(|()| std::fs::rename(&beside, &self.path));
         if replaced.is_err() {
             let _ = std::fs::remove_file(&beside);
         }
@@ -84,13 +84,11 @@ impl FlightFile {
         self.has = Some(trip);
         self.next = goes_on.then_some(Instant::from_micros(now_us + REWRITE_US));
 
-        let mut memory = world.flight_recorder().to_vec();
-        let length = Recording::trim(&mut memory);
-        memory.truncate(length);
-        memory.extend(Recording::checksum(&memory));
+        let mut record = world.flight_record();
+        record.extend(Recording::checksum(&record));
         let (file, (axis, Trip { reason, .. })) = (self.path.display(), trip);
         let tripped = format!("axis {axis} tripped ({reason})");
-        let written = self.replace(&memory);
+        let written = self.replace(&record);
         // Told once for each trip, and where it changes.
         let is_news = is_new || self.failed != written.is_err();
         self.failed = written.is_err();
