@@ -169,7 +169,6 @@ impl Links {
 
     /// Answers a request of a link.
     pub fn reply(&mut self, link: u8, slot: Slot, result: Result<&Reply, Error>) {
-        self.stale.add(Set::of(link));
         if let Some(port) = self.links.get_mut(usize::from(link)) {
             port.reply(slot, result);
             self.touch(link);
