@@ -3,6 +3,8 @@
 
 pub mod can;
 pub mod deadline;
+#[cfg(has_flight_recorder)]
+pub mod flight;
 pub mod history;
 pub mod host;
 pub mod light;

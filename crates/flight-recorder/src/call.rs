@@ -120,25 +120,31 @@ const OTHER: u8 = 31;
 const KIND: u8 = 0x1F;
 const INDEX_AT: u32 = 5;
 const LONG: u16 = u16::MAX;
+/// Bytes of kind and time.
+const HEAD: usize = 3;
 
-/// Writes from the front of a memory; stays where it is when that is full.
-struct Writer<'a> {
-    out: &'a mut [u8],
-    at: usize,
+/// Writes the first byte of a call, and the time; how many bytes these are, and what is left behind
+/// them.
+#[inline(always)]
+pub(crate) fn encode_head(first: u8, since_us: u64, out: &mut [u8]) -> Option<(usize, &mut [u8])> {
+    match u16::try_from(since_us) {
+        Ok(short) if short != LONG => {
+            let [low, high] = short.to_le_bytes();
+            Some((HEAD, put(out, [first, low, high])?))
+        }
+        _ => {
+            let [low, high] = LONG.to_le_bytes();
+            let rest = put(put(out, [first, low, high])?, since_us.to_le_bytes())?;
+            Some((HEAD + size_of::<u64>(), rest))
+        }
+    }
 }
 
-impl Writer<'_> {
-    fn put(&mut self, bytes: &[u8]) -> Option<()> {
-        let end = self.at.checked_add(bytes.len())?;
-        self.out.get_mut(self.at..end)?.copy_from_slice(bytes);
-        self.at = end;
-        Some(())
-    }
-
-    fn put_long(&mut self, bytes: &[u8]) -> Option<()> {
-        self.put(&u16::try_from(bytes.len()).ok()?.to_le_bytes())?;
-        self.put(bytes)
-    }
+/// Writes these bytes; what is left behind them.
+fn put<const BYTES: usize>(out: &mut [u8], bytes: [u8; BYTES]) -> Option<&mut [u8]> {
+    let (to, rest) = out.split_first_chunk_mut()?;
+    *to = bytes;
+    Some(rest)
 }
 
 /// Reads from the front of a memory.
@@ -162,48 +168,51 @@ impl<'a> Reader<'a> {
 }
 
 impl<'a> Call<'a> {
+    /// The first byte of the call, and whether it is all but the time.
+    #[inline(always)]
+    pub(crate) fn first(&self) -> (u8, bool) {
+        let (kind, index, is_all) = match *self {
+            Self::Handle(Event::Tick) => (TICK, 0, true),
+            Self::Handle(Event::CanReceived { bus, .. }) => (CAN_RECEIVED, bus, false),
+            Self::Handle(Event::Transmitted { bus, .. }) => (TRANSMITTED, bus, false),
+            Self::Handle(Event::HostBytes { link, .. }) => (HOST_BYTES, link, false),
+            Self::Handle(Event::SerialReceived { bus, .. }) => (SERIAL_RECEIVED, bus, false),
+            Self::TakeChanges => (TAKE_CHANGES, 0, true),
+            Self::PollCancel { bus } => (POLL_CANCEL, bus, true),
+            Self::PollTransmit { bus } => (POLL_TRANSMIT, bus, true),
+            Self::NextDeadline => (NEXT_DEADLINE, 0, true),
+            Self::PollHost { link } => (POLL_HOST, link, true),
+            _ => (OTHER, 0, false),
+        };
+        (kind | index << INDEX_AT, is_all)
+    }
+
     /// Writes the call, made so many µs after the one before; the bytes that it takes, or `None`
     /// where they are more than there are.
     pub(crate) fn encode(&self, since_us: u64, out: &mut [u8]) -> Option<usize> {
-        let mut out = Writer { out, at: 0 };
-        let (kind, index) = match *self {
-            Self::Handle(Event::Tick) => (TICK, 0),
-            Self::Handle(Event::CanReceived { bus, .. }) => (CAN_RECEIVED, bus),
-            Self::Handle(Event::Transmitted { bus, .. }) => (TRANSMITTED, bus),
-            Self::Handle(Event::HostBytes { link, .. }) => (HOST_BYTES, link),
-            Self::Handle(Event::SerialReceived { bus, .. }) => (SERIAL_RECEIVED, bus),
-            Self::TakeChanges => (TAKE_CHANGES, 0),
-            Self::PollCancel { bus } => (POLL_CANCEL, bus),
-            Self::PollTransmit { bus } => (POLL_TRANSMIT, bus),
-            Self::NextDeadline => (NEXT_DEADLINE, 0),
-            Self::PollHost { link } => (POLL_HOST, link),
-            _ => (OTHER, 0),
-        };
-        out.put(&[kind | index << INDEX_AT])?;
-        match u16::try_from(since_us) {
-            Ok(short) if short != LONG => out.put(&short.to_le_bytes())?,
-            _ => {
-                out.put(&LONG.to_le_bytes())?;
-                out.put(&since_us.to_le_bytes())?;
-            }
-        }
+        let (first, _) = self.first();
+        let (mut length, mut rest) = encode_head(first, since_us, out)?;
         match self {
             Self::Handle(Event::CanReceived { frame, .. }) => {
-                out.put(&frame.flagged_id().to_le_bytes())?;
-                out.put(&[u8::try_from(frame.bytes().len()).ok()?])?;
-                out.put(frame.bytes())?;
+                let bytes = frame.bytes();
+                rest = put(rest, frame.flagged_id().to_le_bytes())?;
+                rest = put(rest, [u8::try_from(bytes.len()).ok()?])?;
+                rest.get_mut(..bytes.len())?.copy_from_slice(bytes);
+                length += 5 + bytes.len();
             }
-            Self::Handle(Event::Transmitted { slot, .. }) => out.put(&[*slot])?,
+            Self::Handle(Event::Transmitted { slot, .. }) => {
+                put(rest, [*slot])?;
+                length += 1;
+            }
             Self::Handle(Event::HostBytes { bytes, .. } | Event::SerialReceived { bytes, .. }) => {
-                out.put_long(bytes)?;
+                rest = put(rest, u16::try_from(bytes.len()).ok()?.to_le_bytes())?;
+                rest.get_mut(..bytes.len())?.copy_from_slice(bytes);
+                length += 2 + bytes.len();
             }
-            _ if kind == OTHER => {
-                let rest = out.out.get_mut(out.at..)?;
-                out.at += postcard::to_slice(self, rest).ok()?.len();
-            }
+            _ if first & KIND == OTHER => length += postcard::to_slice(self, rest).ok()?.len(),
             _ => {}
         }
-        Some(out.at)
+        Some(length)
     }
 
     /// The first call of these bytes, how many µs after the one before it was made, and the bytes

@@ -19,6 +19,7 @@
 mod board;
 mod call;
 mod file;
+mod log;
 mod recorded;
 mod recorder;
 mod recording;

@@ -3,6 +3,7 @@
 use crate::board::RecordedBoard;
 use crate::call::{Call, Outcome};
 use crate::file::{HalfHead, Head, MARK};
+use crate::log::{Kept, Log, Room};
 use crate::shelf::Shelf;
 use crate::window::{self, Page};
 use gateway::{Gateway, Instant, Part, Set};
@@ -30,54 +31,9 @@ pub struct Recorder<S> {
     number: u32,
     /// The first axis that tripped, and its trip.
     trip: Option<(u8, Trip)>,
-    /// When the last call was made.
-    last: Instant,
-    /// What was asked since anything changed: another time it changes nothing.
-    asked: Asked,
+    log: Log,
     /// What was seen at the last look.
     outcome: Option<Outcome>,
-}
-
-/// What a half has.
-#[derive(Debug, Clone, Copy, Default)]
-struct Kept {
-    /// `None` where it has no whole copy.
-    number: Option<u32>,
-    since: Instant,
-    /// Bytes of calls.
-    calls: usize,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Asked {
-    changes: bool,
-    deadline: bool,
-    /// Links that had nothing to send.
-    links: Set,
-}
-
-impl Asked {
-    /// Takes a call; whether it may change something.
-    fn take(&mut self, call: &Call<'_>) -> bool {
-        match call {
-            Call::TakeChanges => !core::mem::replace(&mut self.changes, true),
-            Call::NextDeadline => {
-                let is_new = !core::mem::replace(&mut self.deadline, true);
-                self.changes &= !is_new;
-                is_new
-            }
-            Call::PollHost { link } => {
-                let is_new = !self.links.has(*link);
-                self.links = self.links.with(Set::of(*link));
-                self.changes &= !is_new;
-                is_new
-            }
-            _ => {
-                *self = Self::default();
-                true
-            }
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,18 +55,16 @@ fn new_trip(core: &Gateway, axes: Set) -> Option<(u8, Trip)> {
 impl<S: Shelf> Recorder<S> {
     /// A recorder that has kept nothing and waits.
     pub const fn new(shelf: S) -> Self {
-        const NOTHING: Kept = Kept { number: None, since: Instant::from_micros(0), calls: 0 };
         Self {
             shelf,
             state: State::Waits,
             wants_copy: false,
             copies: false,
-            halves: [NOTHING; 2],
+            halves: [Kept::NOTHING; 2],
             half: 0,
             number: 0,
             trip: None,
-            last: Instant::from_micros(0),
-            asked: Asked { changes: false, deadline: false, links: Set::NONE },
+            log: Log::new(),
             outcome: None,
         }
     }
@@ -142,7 +96,7 @@ impl<S: Shelf> Recorder<S> {
     /// Another core begins.
     pub(crate) fn restart(&mut self) {
         self.wait();
-        (self.outcome, self.last) = (None, Instant::from_micros(0));
+        (self.outcome, self.log) = (None, Log::new());
     }
 
     fn wait(&mut self) {
@@ -153,31 +107,47 @@ impl<S: Shelf> Recorder<S> {
     /// kept once; a link that had something to send is told of by [`sent`](Self::sent).
     #[inline(always)]
     pub fn note(&mut self, now: Instant, call: &Call<'_>) {
-        if S::KEEPS && matches!(self.state, State::Records | State::Ends) {
-            self.keep(now, call);
+        let is_kept = S::KEEPS && matches!(self.state, State::Records | State::Ends);
+        if is_kept && self.log.is_news(call) {
+            match call.first() {
+                (first, true) => self.keep_short(now, first),
+                _ => self.keep(now, call),
+            }
         }
     }
 
     #[inline(never)]
     fn keep(&mut self, now: Instant, call: &Call<'_>) {
-        if !self.asked.take(call) {
-            return;
+        let Some(half) = self.halves.get_mut(self.half) else { return };
+        let room = self.log.add(half, self.shelf.calls(self.half), now, call);
+        self.kept_one(room);
+    }
+
+    #[inline(never)]
+    fn keep_short(&mut self, now: Instant, first: u8) {
+        let Some(half) = self.halves.get_mut(self.half) else { return };
+        let room = self.log.add_short(half, self.shelf.calls(self.half), now, first);
+        if room != Room::Enough {
+            self.kept_one(room);
         }
-        if self.add(now, call) {
-            self.wants_copy |= self.state == State::Records && self.is_nearly_full();
-            return;
-        }
-        // The half is full. Where the copy behind which to go on takes longer than that, what passes
-        // until then is lost.
-        match self.state {
-            State::Records => self.begin(),
-            _ => self.wait(),
+    }
+
+    /// A call has been kept, or did not fit any more.
+    #[inline(never)]
+    fn kept_one(&mut self, room: Room) {
+        match room {
+            Room::Enough => {}
+            Room::Little => self.wants_copy |= self.state == State::Records,
+            // Where the copy behind which to go on takes longer than that, what passes until then
+            // is lost.
+            Room::None if self.state == State::Records => self.begin(),
+            Room::None => self.wait(),
         }
     }
 
     /// `poll_host` gave something: another time it may give more.
     pub fn sent(&mut self) {
-        self.asked = Asked::default();
+        self.log.forget_asked();
     }
 
     /// Looks at what has come of an event.
@@ -225,12 +195,6 @@ impl<S: Shelf> Recorder<S> {
         (self.state, self.wants_copy) = (State::Begins, true);
     }
 
-    /// Whether most of the half is taken.
-    fn is_nearly_full(&self) -> bool {
-        let room = self.shelf.read_calls(self.half).len();
-        self.halves.get(self.half).is_none_or(|half| half.calls > room - room / 4)
-    }
-
     /// Copies a part of the core, and goes on behind the copy when it is whole. Returns whether
     /// more is to be copied. Between two calls to the core.
     pub fn copy_some(&mut self, core: &mut Gateway, now: Instant) -> bool {
@@ -253,23 +217,12 @@ impl<S: Shelf> Recorder<S> {
         if let Some(half) = self.halves.get_mut(other) {
             *half = Kept { number: Some(self.number), since: now, calls: 0 };
         }
-        (self.half, self.last, self.asked) = (other, now, Asked::default());
+        (self.half, self.log) = (other, Log::from(now));
         (self.wants_copy, self.copies) = (false, false);
         if self.state == State::Begins {
             self.state = State::Records;
         }
         false
-    }
-
-    /// Writes a call behind the others; whether there was room.
-    fn add(&mut self, now: Instant, call: &Call<'_>) -> bool {
-        let since_us = now.as_micros().saturating_sub(self.last.as_micros());
-        let Some(half) = self.halves.get_mut(self.half) else { return false };
-        let room = self.shelf.calls(self.half).get_mut(half.calls..).unwrap_or_default();
-        let Some(length) = call.encode(since_us, room) else { return false };
-        half.calls += length;
-        self.last = self.last.max(now);
-        true
     }
 
     /// The halves that belong together, the older one first.
@@ -294,8 +247,8 @@ impl<S: Shelf> Recorder<S> {
                     calls: u32::try_from(kept.calls).unwrap_or(u32::MAX),
                 };
                 let halves: Vec<HalfHead, 2> = self.kept().map(half).collect();
-                let board = self.kept().last().map(|(half, _)| self.shelf.copied(half).board());
-                let board = RecordedBoard::from(board.unwrap_or_default());
+                let core = self.kept().last().and_then(|(half, _)| self.shelf.copied(half));
+                let board = RecordedBoard::from(core.map(Gateway::board).unwrap_or_default());
                 let head = Head { trip: self.trip, halves, board };
                 window::encode(&(MARK, head), offset, out)
             }
@@ -308,7 +261,7 @@ impl<S: Shelf> Recorder<S> {
             _ => {
                 let of_copies = part - FIRST_PARTS;
                 let half = halves().nth(of_copies / Part::COUNT)?;
-                let part = Part::of(self.shelf.copied(half), of_copies % Part::COUNT)?;
+                let part = Part::of(self.shelf.copied(half)?, of_copies % Part::COUNT)?;
                 window::encode(&part, offset, out)
             }
         };

@@ -21,13 +21,29 @@ pub trait Shelf {
     fn complete(&mut self, half: usize, core: &Gateway);
 
     /// The copy. It is asked for when it is complete, and not once another has begun.
-    fn copied(&self, half: usize) -> &Gateway;
+    fn copied(&self, half: usize) -> Option<&Gateway>;
 }
 
 /// No room.
 #[derive(Debug, Default)]
-pub enum NoShelf {
-    /// As there is nothing.
-    #[default]
-    None,
+pub struct NoShelf;
+
+impl Shelf for NoShelf {
+    const KEEPS: bool = false;
+
+    fn calls(&mut self, _: usize) -> &mut [u8] {
+        &mut []
+    }
+
+    fn read_calls(&self, _: usize) -> &[u8] {
+        &[]
+    }
+
+    fn copy(&mut self, _: usize, _: &Gateway, _: Range<usize>) {}
+
+    fn complete(&mut self, _: usize, _: &Gateway) {}
+
+    fn copied(&self, _: usize) -> Option<&Gateway> {
+        None
+    }
 }
