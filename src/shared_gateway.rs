@@ -62,8 +62,8 @@ pub struct SharedGateway {
     save: Changed,
     started: Changed,
     loaded: Changed,
-    /// The flight recorder wants a copy of the core.
-    copy: Changed,
+    /// The flight recorder has something to do.
+    flight: Changed,
     /// This run knows no motor that a run before may have left turning: the enable output stays
     /// inactive.
     is_bare: bool,
@@ -141,7 +141,7 @@ impl SharedGateway {
             save: Signal::new(),
             started: Signal::new(),
             loaded: Signal::new(),
-            copy: Signal::new(),
+            flight: Signal::new(),
             is_bare,
         });
         shared.with(|parts, _| parts.core.before_motion().init());
@@ -202,17 +202,17 @@ impl SharedGateway {
         let _ = with_timeout(LOADED, self.loaded.wait()).await;
     }
 
-    /// Waits until the flight recorder wants a copy of the core. For one task.
+    /// Waits until the flight recorder has something to do. For one task.
     #[cfg(has_flight_recorder)]
-    pub fn copy_due(&self) -> impl Future<Output = ()> + Unpin {
-        self.copy.wait()
+    pub fn flight_due(&self) -> impl Future<Output = ()> + Unpin {
+        self.flight.wait()
     }
 
-    /// Copies a part of the core. Returns whether more is to be copied.
+    /// Has it do a part of that. Returns whether there is more.
     #[cfg(has_flight_recorder)]
     #[inline(never)]
-    pub fn copy_some(&self) -> bool {
-        self.with(|parts, now| parts.core.copy_some(now))
+    pub fn go_on_with_flight(&self) -> bool {
+        self.with(|parts, now| parts.core.go_on(now))
     }
 
     /// Waits until something is to be stored. For one task.
@@ -276,8 +276,8 @@ impl SharedGateway {
         let changes = parts.storing(|core, store| core.handle(now, *event, store));
         self.hand_out(parts, now, changes);
         board::set_enable_output(parts.core.enable_output() && !self.is_bare);
-        if parts.core.watch() {
-            self.copy.signal(());
+        if parts.core.is_due() {
+            self.flight.signal(());
         }
     }
 

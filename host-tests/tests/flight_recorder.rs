@@ -30,7 +30,7 @@ const REASONS: [&str; 13] = [
 ];
 
 /// What is no call.
-const NO_CALL: u8 = 0x1F;
+const NO_CALL: u8 = 0x1E;
 
 /// Where the calls of a half lie in a record.
 fn calls(record: &[u8], half: usize) -> Range<usize> {

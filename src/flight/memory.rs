@@ -93,7 +93,7 @@ impl Shelf for Memory {
     }
 }
 
-/// Has the copies made.
+/// Has it served.
 pub fn spawn(spawner: Spawner, gateway: &'static SharedGateway) {
-    spawner.spawn(defmt::unwrap!(tasks::flight::copy(gateway)));
+    spawner.spawn(defmt::unwrap!(tasks::flight::flight(gateway)));
 }

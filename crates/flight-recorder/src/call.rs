@@ -53,10 +53,17 @@ pub struct Outcome {
 const TRIP_BYTES: usize = 64;
 
 impl Outcome {
+    /// Whether axes move or have tripped that did not when this had come.
+    #[inline(always)]
+    pub(crate) fn has_changed(core: &Gateway, before: Option<Self>) -> bool {
+        before
+            .is_none_or(|before| (before.moving, before.tripped) != (core.moving(), core.tripped()))
+    }
+
     /// Of the calls to this core, when this had come of those before; `None` where the same has.
     pub(crate) fn behind(core: &Gateway, before: Option<Self>) -> Option<Self> {
         let (moving, tripped) = (core.moving(), core.tripped());
-        if before.is_some_and(|before| (before.moving, before.tripped) == (moving, tripped)) {
+        if !Self::has_changed(core, before) {
             return None;
         }
         let had_tripped = before.map_or(Set::NONE, |before| before.tripped);
@@ -100,10 +107,10 @@ impl Call<'_> {
     }
 }
 
-// How a call is kept: its kind in the low five bits of the first byte and the bus or link above,
-// two bytes of µs since the call before (all ones: eight bytes follow), and what belongs to it.
-// What comes often has a kind of its own, and costs a stop little; the others are encoded by
-// postcard.
+// How a call is kept: its kind in the low four bits of the first byte, whether it was made at the
+// time of the call before in the next, and the bus or link above; then, if not, two bytes of µs
+// since that (all ones: eight bytes follow); then what belongs to it. What comes often has a kind of
+// its own, and costs a stop little; the others are encoded by postcard.
 
 const TICK: u8 = 0;
 const CAN_RECEIVED: u8 = 1;
@@ -115,27 +122,28 @@ const POLL_CANCEL: u8 = 6;
 const POLL_TRANSMIT: u8 = 7;
 const NEXT_DEADLINE: u8 = 8;
 const POLL_HOST: u8 = 9;
-const OTHER: u8 = 31;
+const OTHER: u8 = 15;
 
-const KIND: u8 = 0x1F;
+const KIND: u8 = 0x0F;
+/// At the time of the call before.
+pub(crate) const SAME_TIME: u8 = 0x10;
 const INDEX_AT: u32 = 5;
 const LONG: u16 = u16::MAX;
-/// Bytes of kind and time.
-const HEAD: usize = 3;
 
 /// Writes the first byte of a call, and the time; how many bytes these are, and what is left behind
 /// them.
 #[inline(always)]
 pub(crate) fn encode_head(first: u8, since_us: u64, out: &mut [u8]) -> Option<(usize, &mut [u8])> {
     match u16::try_from(since_us) {
+        Ok(0) => Some((1, put(out, [first | SAME_TIME])?)),
         Ok(short) if short != LONG => {
             let [low, high] = short.to_le_bytes();
-            Some((HEAD, put(out, [first, low, high])?))
+            Some((3, put(out, [first, low, high])?))
         }
         _ => {
             let [low, high] = LONG.to_le_bytes();
             let rest = put(put(out, [first, low, high])?, since_us.to_le_bytes())?;
-            Some((HEAD + size_of::<u64>(), rest))
+            Some((3 + size_of::<u64>(), rest))
         }
     }
 }
@@ -221,9 +229,12 @@ impl<'a> Call<'a> {
         let mut bytes = Reader(bytes);
         let [first] = bytes.number()?;
         let index = first >> INDEX_AT;
-        let since = match u16::from_le_bytes(bytes.number()?) {
-            LONG => u64::from_le_bytes(bytes.number()?),
-            short => short.into(),
+        let since = match first & SAME_TIME {
+            0 => match u16::from_le_bytes(bytes.number()?) {
+                LONG => u64::from_le_bytes(bytes.number()?),
+                short => short.into(),
+            },
+            _ => 0,
         };
         let call = match first & KIND {
             TICK => Self::Handle(Event::Tick),

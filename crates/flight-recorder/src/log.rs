@@ -1,6 +1,6 @@
 //! Calls in the memory of a half. Not of the generic code around it: it is compiled for speed.
 
-use crate::call::{Call, encode_head};
+use crate::call::{Call, SAME_TIME};
 use gateway::{Instant, Set};
 
 /// What a half has.
@@ -43,11 +43,11 @@ impl Log {
 
     /// From a time on.
     pub const fn from(last: Instant) -> Self {
-        Self { last, asked: Asked { changes: false, deadline: false, links: Set::NONE } }
+        Self { last, asked: Asked::NOTHING }
     }
 
     pub fn forget_asked(&mut self) {
-        self.asked = Asked::default();
+        self.asked = Asked::NOTHING;
     }
 
     /// Whether a call may change something.
@@ -65,71 +65,57 @@ impl Log {
         now: Instant,
         call: &Call<'_>,
     ) -> Room {
-        self.write(half, calls, now, |since_us, out| call.encode(since_us, out))
-    }
-
-    /// The same of a call that is nothing but its first byte.
-    #[inline(always)]
-    pub fn add_short(
-        &mut self,
-        half: &mut Kept,
-        calls: &mut [u8],
-        now: Instant,
-        first: u8,
-    ) -> Room {
-        self.write(half, calls, now, |since_us, out| {
-            encode_head(first, since_us, out).map(|(length, _)| length)
-        })
-    }
-
-    #[inline(always)]
-    fn write(
-        &mut self,
-        half: &mut Kept,
-        calls: &mut [u8],
-        now: Instant,
-        encode: impl FnOnce(u64, &mut [u8]) -> Option<usize>,
-    ) -> Room {
         let now = now.max(self.last);
         let since_us = now.as_micros() - self.last.as_micros();
         let room = calls.len();
         let rest = calls.get_mut(half.calls..).unwrap_or_default();
-        let Some(length) = encode(since_us, rest) else { return Room::None };
+        let Some(length) = call.encode(since_us, rest) else { return Room::None };
         half.calls += length;
         self.last = now;
         if half.calls > room - room / 4 { Room::Little } else { Room::Enough }
     }
+
+    /// The same of a call that is nothing but its first byte, made at the time of the one before;
+    /// whether it was, and there was room.
+    #[inline(always)]
+    pub fn add_byte(&self, half: &mut Kept, calls: &mut [u8], now: Instant, first: u8) -> bool {
+        match calls.get_mut(half.calls) {
+            Some(place) if now == self.last => {
+                *place = first | SAME_TIME;
+                half.calls += 1;
+                true
+            }
+            _ => false,
+        }
+    }
 }
 
-#[derive(Debug, Clone, Copy, Default)]
-struct Asked {
-    changes: bool,
-    deadline: bool,
-    /// Links that had nothing to send.
-    links: Set,
-}
+/// What was asked: links by their number, and two more.
+#[derive(Debug, Clone, Copy)]
+struct Asked(u32);
 
 impl Asked {
+    const NOTHING: Self = Self(0);
+    const CHANGES: u32 = 1 << 31;
+    const DEADLINE: u32 = 1 << 30;
+
     /// Takes a call; whether it may change something.
     #[inline(always)]
     fn take(&mut self, call: &Call<'_>) -> bool {
-        match call {
-            Call::TakeChanges => !core::mem::replace(&mut self.changes, true),
-            Call::NextDeadline => {
-                let is_new = !core::mem::replace(&mut self.deadline, true);
-                self.changes &= !is_new;
-                is_new
-            }
-            Call::PollHost { link } => {
-                let is_new = !self.links.has(*link);
-                self.links = self.links.with(Set::of(*link));
-                self.changes &= !is_new;
-                is_new
-            }
+        let one = match call {
+            Call::TakeChanges => Self::CHANGES,
+            Call::NextDeadline => Self::DEADLINE,
+            Call::PollHost { link } => Set::of(*link).bits(),
             _ => {
-                *self = Self::default();
-                true
+                *self = Self::NOTHING;
+                return true;
             }
+        };
+        if self.0 & one != 0 {
+            return false;
         }
+        // There may be other changes than were taken.
+        self.0 = self.0 & !Self::CHANGES | one;
+        true
     }
 }

@@ -55,17 +55,18 @@ impl<S: Shelf> Recorded<S> {
         self.core.handle(now, event, store)
     }
 
-    /// Has the recorder look at what has come of an event, when the frames that follow from it have
-    /// been handed over. Returns whether [`copy_some`](Self::copy_some) is to be called.
-    pub fn watch(&mut self) -> bool {
-        self.recorder.watch(&mut self.core, self.now);
-        self.recorder.wants_copy()
+    /// Whether [`go_on`](Self::go_on) is to be called, to be asked when the frames that follow from
+    /// an event have been handed over.
+    #[inline(always)]
+    pub fn is_due(&self) -> bool {
+        self.recorder.is_due(&self.core)
     }
 
-    /// Copies a part of the core. Returns whether more is to be copied.
-    pub fn copy_some(&mut self, now: Instant) -> bool {
-        // What has come of the calls until now is behind the copy.
-        self.watch() && self.recorder.copy_some(&mut self.core, now)
+    /// Has the recorder look at what has come of the calls, and copy a part of the core where it
+    /// wants a copy. Returns whether more is to be copied. When nothing more urgent is to do.
+    pub fn go_on(&mut self, now: Instant) -> bool {
+        self.recorder.watch(&mut self.core, now);
+        self.recorder.wants_copy() && self.recorder.copy_some(&mut self.core, now)
     }
 
     /// [`Gateway::take_changes`].

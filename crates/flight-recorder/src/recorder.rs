@@ -15,9 +15,8 @@ const FIRST_PARTS: usize = 3;
 
 /// Keeps the latest calls to a core.
 ///
-/// Its caller [notes](Self::note) each [`Call`] right before it makes it, has the recorder
-/// [watch](Self::watch) what has come of it after each `handle`, and
-/// [copies](Self::copy_some) when it has time.
+/// Its caller [notes](Self::note) each [`Call`] right before it makes it. When it has time it has
+/// the recorder [watch](Self::watch) what has come of them, and [copy](Self::copy_some) the core.
 pub struct Recorder<S> {
     shelf: S,
     state: State,
@@ -108,34 +107,25 @@ impl<S: Shelf> Recorder<S> {
     #[inline(always)]
     pub fn note(&mut self, now: Instant, call: &Call<'_>) {
         let is_kept = S::KEEPS && matches!(self.state, State::Records | State::Ends);
-        if is_kept && self.log.is_news(call) {
-            match call.first() {
-                (first, true) => self.keep_short(now, first),
-                _ => self.keep(now, call),
-            }
+        if is_kept && self.log.is_news(call) && !self.keep_byte(now, call) {
+            self.keep(now, call);
         }
+    }
+
+    /// Whether the call could be kept in one byte.
+    #[inline(always)]
+    fn keep_byte(&mut self, now: Instant, call: &Call<'_>) -> bool {
+        let (first, is_all) = call.first();
+        is_all
+            && self.halves.get_mut(self.half).is_some_and(|half| {
+                self.log.add_byte(half, self.shelf.calls(self.half), now, first)
+            })
     }
 
     #[inline(never)]
     fn keep(&mut self, now: Instant, call: &Call<'_>) {
         let Some(half) = self.halves.get_mut(self.half) else { return };
-        let room = self.log.add(half, self.shelf.calls(self.half), now, call);
-        self.kept_one(room);
-    }
-
-    #[inline(never)]
-    fn keep_short(&mut self, now: Instant, first: u8) {
-        let Some(half) = self.halves.get_mut(self.half) else { return };
-        let room = self.log.add_short(half, self.shelf.calls(self.half), now, first);
-        if room != Room::Enough {
-            self.kept_one(room);
-        }
-    }
-
-    /// A call has been kept, or did not fit any more.
-    #[inline(never)]
-    fn kept_one(&mut self, room: Room) {
-        match room {
+        match self.log.add(half, self.shelf.calls(self.half), now, call) {
             Room::Enough => {}
             Room::Little => self.wants_copy |= self.state == State::Records,
             // Where the copy behind which to go on takes longer than that, what passes until then
@@ -150,17 +140,19 @@ impl<S: Shelf> Recorder<S> {
         self.log.forget_asked();
     }
 
-    /// Looks at what has come of an event.
+    /// Whether there is something to [watch](Self::watch), or to [copy](Self::copy_some).
     #[inline(always)]
+    pub fn is_due(&self, core: &Gateway) -> bool {
+        S::KEEPS && (self.wants_copy || Outcome::has_changed(core, self.outcome))
+    }
+
+    /// Looks at what has come of the calls so far. It takes its time: the stops go first.
     pub fn watch(&mut self, core: &mut Gateway, now: Instant) {
-        if S::KEEPS
-            && let Some(outcome) = Outcome::behind(core, self.outcome)
-        {
+        if let Some(outcome) = Outcome::behind(core, self.outcome).filter(|_| S::KEEPS) {
             self.came(core, now, outcome);
         }
     }
 
-    #[inline(never)]
     fn came(&mut self, core: &mut Gateway, now: Instant, outcome: Outcome) {
         let Outcome { moving, tripped, .. } = outcome;
         let before = self.outcome.replace(outcome);

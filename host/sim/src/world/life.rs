@@ -210,8 +210,8 @@ impl World {
         }
         let now = self.gateway_now();
         let changes = self.gateway.handle(now, event, &mut self.life.store());
-        if self.gateway.watch() {
-            while self.gateway.copy_some(now) {}
+        if self.gateway.is_due() {
+            while self.gateway.go_on(now) {}
         }
         self.named = self.named.with(changes.buses);
         self.life.restarts = changes.restart;
