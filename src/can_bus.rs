@@ -7,6 +7,7 @@ use host_protocol::BusState;
 
 use crate::board;
 use crate::fdcan::{self, CanEvent, CanPort, Controller, ErrorState};
+use crate::flight::Core;
 use crate::line::LineErrors;
 
 /// A CAN bus of the board.
@@ -39,7 +40,7 @@ impl CanBus {
     /// controller is on the bus and has room. Returns whether there was something. A bus that must
     /// run otherwise is left to its task.
     #[inline(never)]
-    pub fn serve(&mut self, core: &mut Gateway, now: Instant) -> bool {
+    pub fn serve(&mut self, core: &mut Core, now: Instant) -> bool {
         if core.bus_setup(self.bus) != self.setup {
             self.is_stale = true;
             fdcan::look();

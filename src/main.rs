@@ -17,6 +17,8 @@ mod fault;
 #[cfg(target_os = "none")]
 mod fdcan;
 #[cfg(target_os = "none")]
+mod flight;
+#[cfg(target_os = "none")]
 mod image;
 #[cfg(target_os = "none")]
 mod line;
@@ -83,6 +85,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     spawner.spawn(defmt::unwrap!(tasks::history::history(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::log::log(gateway)));
+    spawner.spawn(defmt::unwrap!(tasks::flight::flight(gateway)));
     let hosts = ports.spawn(spawner, gateway);
     gateway.first_stops_have_left().await;
     gateway.has_loaded().await;

@@ -56,7 +56,7 @@ fn pointer(area: Area, index: usize) -> *mut u32 {
 
 /// Whether this RAM has kept its words over what started the processor. If nobody knows, it has
 /// not.
-fn is_kept(boot: BootReason) -> bool {
+pub fn is_kept(boot: BootReason) -> bool {
     !matches!(boot, BootReason::PowerOn | BootReason::Brownout | BootReason::Unknown)
 }
 

@@ -15,15 +15,17 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
 use gateway::{
-    Board, BusSetup, Changes, Event, FlightReadError, Found, Gateway, Images, Instant, Light,
-    LogEntry, MAX_LINKS, MAX_STORED_ROW, NextRow, Save, Store, Transmit,
+    Board, BusSetup, Changes, Event, Found, Gateway, Images, Instant, Light, LogEntry, MAX_LINKS,
+    MAX_STORED_ROW, NextRow, Save, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
+use host_protocol::replies::MAX_FLIGHT_RECORD_BYTES;
 use static_cell::StaticCell;
 
 use crate::board::{self, CAN_BUSES, RS485_BUSES};
 use crate::can_bus::CanBus;
 use crate::fdcan::CanPort;
+use crate::flight::{self, Core};
 use crate::retained::{self, CoreWords};
 use crate::watchdog::{self, Watch};
 
@@ -61,6 +63,8 @@ pub struct SharedGateway {
     save: Changed,
     started: Changed,
     loaded: Changed,
+    /// The flight recorder has something to do.
+    flight: Changed,
     /// This run knows no motor that a run before may have left turning: the enable output stays
     /// inactive.
     is_bare: bool,
@@ -68,7 +72,7 @@ pub struct SharedGateway {
 
 /// What one caller at a time reaches.
 struct Parts {
-    core: Gateway,
+    core: Core,
     kept: CoreWords,
     can: [Option<CanBus>; CAN_BUSES],
     /// The CAN bus that is asked first for its next event.
@@ -77,7 +81,7 @@ struct Parts {
 
 impl Parts {
     /// Gives the core the memory that outlives a reset, and closes what it writes.
-    fn storing<R>(&mut self, act: impl FnOnce(&mut Gateway, Store<'_>) -> R) -> R {
+    fn storing<R>(&mut self, act: impl FnOnce(&mut Core, Store<'_>) -> R) -> R {
         let mut wrote = false;
         let Self { core, kept, .. } = self;
         let result = act(core, &mut |index, word| {
@@ -120,10 +124,11 @@ impl SharedGateway {
     ) -> &'static Self {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
+        let memory = flight::take(board.boot);
         let board = BOARD.init(board);
         let shared = SHARED.init_with(|| Self {
             parts: Mutex::new(RefCell::new(Parts {
-                core: Gateway::uninit(board, random_number),
+                core: Core::new(Gateway::uninit(board, random_number), memory),
                 kept,
                 can: [const { None }; CAN_BUSES],
                 first: 0,
@@ -137,9 +142,10 @@ impl SharedGateway {
             save: Signal::new(),
             started: Signal::new(),
             loaded: Signal::new(),
+            flight: Signal::new(),
             is_bare,
         });
-        shared.with(|parts, _| parts.core.init());
+        shared.with(|parts, _| parts.core.before_motion().init());
         shared
     }
 
@@ -155,14 +161,16 @@ impl SharedGateway {
 
     /// Tells what is known of images; once, before any host is heard.
     pub fn set_images(&self, images: Images) {
-        self.with(|parts, now| parts.core.set_images(now, images));
+        self.with(|parts, now| parts.core.before_motion().set_images(now, images));
     }
 
     /// Takes over what is stored, and starts where a reset has left nothing.
     #[inline(never)]
     pub fn load(&self, found: Found, next: NextRow<'_>) {
         let is_remembered = self.is_remembered();
-        self.with(|parts, now| parts.core.load(now, parts.kept.as_slice(), found, next));
+        self.with(|parts, now| {
+            parts.core.before_motion().load(now, parts.kept.as_slice(), found, next)
+        });
         if !is_remembered {
             self.start();
         }
@@ -172,7 +180,7 @@ impl SharedGateway {
     /// Goes on from what the run before has left, or from what was loaded.
     #[inline(never)]
     pub fn start(&self) {
-        self.with(|parts, now| parts.core.restore(now, parts.kept.as_slice()));
+        self.with(|parts, now| parts.core.before_motion().restore(now, parts.kept.as_slice()));
         self.started.signal(());
     }
 
@@ -193,6 +201,23 @@ impl SharedGateway {
     pub async fn has_loaded(&self) {
         // What is not known is told as no storage.
         let _ = with_timeout(LOADED, self.loaded.wait()).await;
+    }
+
+    /// Waits until the flight recorder has something to do. For one task.
+    pub fn flight_due(&self) -> impl Future<Output = ()> + Unpin {
+        self.flight.wait()
+    }
+
+    /// Has it do a part of that. Returns whether there is more.
+    #[inline(never)]
+    pub fn go_on_with_flight(&self) -> bool {
+        self.with(|parts, now| {
+            let mut page = [0; MAX_FLIGHT_RECORD_BYTES];
+            if let Some(result) = parts.core.read(now, &mut page) {
+                self.follow(parts, now, &Event::FlightRecord { result });
+            }
+            parts.core.go_on(now)
+        })
     }
 
     /// Waits until something is to be stored. For one task.
@@ -255,12 +280,10 @@ impl SharedGateway {
     fn follow(&self, parts: &mut Parts, now: Instant, event: &Event<'_>) {
         let changes = parts.storing(|core, store| core.handle(now, *event, store));
         self.hand_out(parts, now, changes);
-        if changes.flight_read && parts.core.take_flight_read().is_some() {
-            // No board has a flight recorder yet.
-            let result = Err(FlightReadError::NoRecorder);
-            self.follow(parts, now, &Event::FlightRecord { result });
-        }
         board::set_enable_output(parts.core.enable_output() && !self.is_bare);
+        if changes.flight_read || parts.core.is_due() {
+            self.flight.signal(());
+        }
     }
 
     /// Tells the core what a CAN controller has done, one event of one bus. Returns false where

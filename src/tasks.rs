@@ -3,6 +3,7 @@
 
 pub mod can;
 pub mod deadline;
+pub mod flight;
 pub mod history;
 pub mod host;
 pub mod light;

@@ -78,6 +78,8 @@ const FIRST_WITH_SOUND_READS: u32 = 0x2000;
 const REVISION_X: u16 = 0x2001;
 const REVISION_V: u16 = 0x2003;
 
+/// Bytes of the region FLIGHT.
+pub const FLIGHT_BYTES: usize = 256 * 1024;
 /// Its name.
 pub const NAME: &str = "nucleo-h743zi";
 /// CAN buses, numbered first.

@@ -2,67 +2,45 @@
 
 use crate::board::RecordedBoard;
 use crate::call::{Call, Outcome};
-use crate::memory::{self, Head};
-use gateway::{Gateway, Instant, Set};
+use crate::file::{HalfHead, Head, MARK};
+use crate::log::{Kept, Log, Room};
+use crate::shelf::Shelf;
+use crate::window;
+use gateway::{FlightPage, Gateway, Instant, Part, Set};
+use heapless::Vec;
 use host_protocol::{Trip, TripReason};
 
-/// Keeps the latest calls to a core in a memory of the caller's.
+/// Parts before those of the copies: what a file begins with, and the calls of each half.
+const FIRST_PARTS: usize = 3;
+
+/// Keeps the latest calls to a core.
 ///
-/// The caller [notes](Self::note) each [`Call`] right before it makes it, and has the recorder
-/// [watch](Self::watch) what has come of it after each `handle`.
-pub struct Recorder<M> {
-    memory: M,
+/// Its caller [notes](Self::note) each [`Call`] right before it makes it. When it has time it has
+/// the recorder [watch](Self::watch) what has come of them, and [copy](Self::copy_some) the core.
+pub struct Recorder<S> {
+    shelf: S,
     state: State,
-    /// The half that is written, and its number.
+    /// A copy is to be made in the half that is not written, and the making has begun.
+    wants_copy: bool,
+    copies: bool,
+    halves: [Kept; 2],
+    /// The half that is written.
     half: usize,
+    /// Counts the halves that were begun; one that is no successor of the other begins anew.
     number: u32,
-    /// Where in its contents the next call comes, and the first came.
-    at: usize,
-    calls_at: usize,
-    /// When the last call was made.
-    last: Instant,
-    /// What was asked since anything changed: another time it changes nothing.
-    asked: Asked,
+    /// The first axis that tripped, and its trip.
+    trip: Option<(u8, Trip)>,
+    log: Log,
     /// What was seen at the last look.
     outcome: Option<Outcome>,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Asked {
-    changes: bool,
-    deadline: bool,
-    /// Links that had nothing to send.
-    links: Set,
-}
-
-impl Asked {
-    /// Takes a call; whether it may change something.
-    fn take(&mut self, call: &Call<'_>) -> bool {
-        match call {
-            Call::TakeChanges => !core::mem::replace(&mut self.changes, true),
-            Call::NextDeadline => {
-                let is_new = !core::mem::replace(&mut self.deadline, true);
-                self.changes &= !is_new;
-                is_new
-            }
-            Call::PollHost { link } => {
-                let is_new = !self.links.has(*link);
-                self.links = self.links.with(Set::of(*link));
-                self.changes &= !is_new;
-                is_new
-            }
-            _ => {
-                *self = Self::default();
-                true
-            }
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     /// Nothing moves, or what led to a trip is kept.
     Waits,
+    /// An axis moves, and there is no copy yet behind which calls could be kept.
+    Begins,
     Records,
     /// After a trip: until the half is full.
     Ends,
@@ -73,143 +51,233 @@ fn new_trip(core: &Gateway, axes: Set) -> Option<(u8, Trip)> {
     core.trips(axes).min_by_key(|(_, trip)| matches!(trip.reason, TripReason::Group { .. }))
 }
 
-impl<M: AsRef<[u8]> + AsMut<[u8]>> Recorder<M> {
-    /// A recorder that waits. What the memory holds stays until an axis is armed.
-    pub fn new(memory: M) -> Self {
-        let newest = (0..2).filter_map(|half| memory::head(memory::half(memory.as_ref(), half)));
-        let number = newest.map(|head| head.number).max().unwrap_or_default();
+impl<S: Shelf> Recorder<S> {
+    /// A recorder that has kept nothing and waits.
+    pub const fn new(shelf: S) -> Self {
         Self {
-            memory,
+            shelf,
             state: State::Waits,
+            wants_copy: false,
+            copies: false,
+            halves: [Kept::NOTHING; 2],
             half: 0,
-            number,
-            at: 0,
-            calls_at: 0,
-            last: Instant::from_micros(0),
-            asked: Asked::default(),
+            number: 0,
+            trip: None,
+            log: Log::new(),
             outcome: None,
         }
     }
 
-    /// All of it, for [`Recording::read`](crate::Recording::read).
-    pub fn memory(&self) -> &[u8] {
-        self.memory.as_ref()
-    }
-
-    /// Whether calls are kept at present.
+    /// Whether calls are kept at present, or are to be.
     pub fn is_recording(&self) -> bool {
         self.state != State::Waits
     }
 
+    /// The axis that tripped first, and its trip.
+    pub fn trip(&self) -> Option<(u8, Trip)> {
+        self.trip
+    }
+
+    /// Whether [`copy_some`](Self::copy_some) has something to do.
+    pub fn wants_copy(&self) -> bool {
+        self.wants_copy
+    }
+
     /// Adds nothing more to what is kept of a trip, so that it can be read piece by piece. Whether
-    /// that is so: not while it records, and an axis moves that may trip.
+    /// that is so: not while an axis moves that may trip.
     pub fn end(&mut self) -> bool {
         let moves = self.outcome.is_some_and(|outcome| !outcome.moving.is_empty());
         if self.state == State::Ends && !moves {
-            self.state = State::Waits;
+            self.wait();
         }
-        !self.is_recording()
+        self.state == State::Waits
+    }
+
+    /// Another core begins.
+    pub(crate) fn restart(&mut self) {
+        self.wait();
+        (self.outcome, self.log) = (None, Log::new());
+    }
+
+    fn wait(&mut self) {
+        (self.state, self.wants_copy, self.copies) = (State::Waits, false, false);
     }
 
     /// Keeps a call that is about to be made. What was asked and changes nothing another time is
     /// kept once; a link that had something to send is told of by [`sent`](Self::sent).
-    pub fn note(&mut self, core: &mut Gateway, now: Instant, call: &Call<'_>) {
-        if self.state == State::Waits || !self.asked.take(call) || self.add(now, call) {
-            return;
-        }
-        // The half is full.
-        if self.state == State::Ends {
-            self.state = State::Waits;
-            return;
-        }
-        if !self.begin_other_half(core, now) || !self.add(now, call) {
-            self.state = State::Waits;
+    #[inline(always)]
+    pub fn note(&mut self, now: Instant, call: &Call<'_>) {
+        let is_kept = S::KEEPS && matches!(self.state, State::Records | State::Ends);
+        if is_kept && self.log.is_news(call) && !self.keep_byte(now, call) {
+            self.keep(now, call);
         }
     }
 
-    /// Goes on in the other half; whether a snapshot fits there.
-    fn begin_other_half(&mut self, core: &mut Gateway, now: Instant) -> bool {
-        self.number = self.number.wrapping_add(1);
-        self.half = 1 - self.half;
-        self.begin(core, now)
+    /// Whether the call could be kept in one byte.
+    #[inline(always)]
+    fn keep_byte(&mut self, now: Instant, call: &Call<'_>) -> bool {
+        let (first, is_all) = call.first();
+        is_all
+            && self.halves.get_mut(self.half).is_some_and(|half| {
+                self.log.add_byte(half, self.shelf.calls(self.half), now, first)
+            })
     }
 
-    /// Whether most of the half is taken.
-    fn is_nearly_full(&self) -> bool {
-        let room = memory::contents(memory::half(self.memory.as_ref(), self.half)).len();
-        self.at > room - room / 4
+    #[inline(never)]
+    fn keep(&mut self, now: Instant, call: &Call<'_>) {
+        let Some(half) = self.halves.get_mut(self.half) else { return };
+        match self.log.add(half, self.shelf.calls(self.half), now, call) {
+            Room::Enough => {}
+            Room::Little => self.wants_copy |= self.state == State::Records,
+            // Where the copy behind which to go on takes longer than that, what passes until then
+            // is lost.
+            Room::None if self.state == State::Records => self.begin(),
+            Room::None => self.wait(),
+        }
     }
 
     /// `poll_host` gave something: another time it may give more.
     pub fn sent(&mut self) {
-        self.asked = Asked::default();
+        self.log.forget_asked();
     }
 
-    /// Looks at what has come of an event.
+    /// Whether there is something to [watch](Self::watch), or to [copy](Self::copy_some).
+    #[inline(always)]
+    pub fn is_due(&self, core: &Gateway) -> bool {
+        S::KEEPS && (self.wants_copy || Outcome::has_changed(core, self.outcome))
+    }
+
+    /// Looks at what has come of the calls so far. It takes its time: the stops go first.
     pub fn watch(&mut self, core: &mut Gateway, now: Instant) {
-        let outcome = Outcome::of(core);
+        if let Some(outcome) = Outcome::behind(core, self.outcome).filter(|_| S::KEEPS) {
+            self.came(core, now, outcome);
+        }
+    }
+
+    fn came(&mut self, core: &mut Gateway, now: Instant, outcome: Outcome) {
         let Outcome { moving, tripped, .. } = outcome;
+        let before = self.outcome.replace(outcome);
         let (moved, had_tripped) =
-            self.outcome.map_or((Set::NONE, Set::NONE), |seen| (seen.moving, seen.tripped));
+            before.map_or((Set::NONE, Set::NONE), |seen| (seen.moving, seen.tripped));
         let newly_armed = !moving.without(moved).is_empty();
         let new_trip = new_trip(core, tripped.without(had_tripped));
-        if self.outcome.replace(outcome) != Some(outcome) {
-            self.note(core, now, &Call::Came(outcome));
-        }
+        self.note(now, &Call::Came(outcome));
         match self.state {
             State::Waits if newly_armed => {
-                memory::put_trip(self.memory.as_mut(), None);
-                // What is there is no predecessor.
-                self.number = self.number.wrapping_add(2);
-                if self.begin(core, now) {
-                    self.state = State::Records;
-                }
+                self.trip = None;
+                self.begin();
             }
             State::Ends if newly_armed => {
-                memory::put_trip(self.memory.as_mut(), None);
+                self.trip = None;
                 self.state = State::Records;
             }
             State::Records if new_trip.is_some() => {
-                memory::put_trip(self.memory.as_mut(), new_trip);
+                // The stop is to be in it: where little room is left, a copy is wanted already.
+                self.trip = new_trip;
                 self.state = State::Ends;
-                // The stop is to be in it.
-                if self.is_nearly_full() && !self.begin_other_half(core, now) {
-                    self.state = State::Waits;
-                }
             }
-            State::Records if moving.is_empty() => self.state = State::Waits,
+            State::Begins | State::Records if moving.is_empty() => self.wait(),
             _ => {}
         }
     }
 
-    /// Begins the half with a snapshot; whether that fits.
-    fn begin(&mut self, core: &mut Gateway, now: Instant) -> bool {
-        let board = RecordedBoard::from(core.board());
-        let half = memory::half_mut(self.memory.as_mut(), self.half);
-        let contents = memory::contents_mut(half);
-        let Ok(board) = postcard::to_slice(&board, contents).map(|written| written.len()) else {
-            return false;
-        };
-        let rest = contents.get_mut(board..).unwrap_or_default();
-        let Some(snapshot) = core.snapshot(rest).map(<[u8]>::len) else { return false };
-        memory::put_head(
-            half,
-            &Head { number: self.number, since: now, board, snapshot, calls: 0 },
-        );
-        (self.calls_at, self.at, self.last) = (board + snapshot, board + snapshot, now);
-        self.asked = Asked::default();
-        true
+    /// Begins anew behind the next copy.
+    fn begin(&mut self) {
+        // What is there is no predecessor.
+        self.number = self.number.wrapping_add(1);
+        (self.state, self.wants_copy) = (State::Begins, true);
     }
 
-    /// Writes a call behind the others; whether there was room.
-    fn add(&mut self, now: Instant, call: &Call<'_>) -> bool {
-        let half = memory::half_mut(self.memory.as_mut(), self.half);
-        let Some(rest) = memory::contents_mut(half).get_mut(self.at..) else { return false };
-        let since = now.as_micros().saturating_sub(self.last.as_micros());
-        let Ok(written) = postcard::to_slice(&(since, call), rest) else { return false };
-        self.at += written.len();
-        self.last = self.last.max(now);
-        memory::put_calls(half, self.at - self.calls_at);
-        true
+    /// Copies a part of the core, and goes on behind the copy when it is whole. Returns whether
+    /// more is to be copied. Between two calls to the core.
+    pub fn copy_some(&mut self, core: &mut Gateway, now: Instant) -> bool {
+        let other = 1 - self.half;
+        if !core::mem::replace(&mut self.copies, true) {
+            core.begin_copy();
+            if let Some(half) = self.halves.get_mut(other) {
+                half.number = None;
+            }
+        }
+        if let Some(bytes) = core.next_to_copy() {
+            self.shelf.copy(other, core, bytes);
+        }
+        if core.has_more_to_copy() {
+            return true;
+        }
+        core.settle_all();
+        self.shelf.complete(other, core);
+        self.number = self.number.wrapping_add(1);
+        if let Some(half) = self.halves.get_mut(other) {
+            *half = Kept { number: Some(self.number), since: now, calls: 0 };
+        }
+        (self.half, self.log) = (other, Log::from(now));
+        (self.wants_copy, self.copies) = (false, false);
+        if self.state == State::Begins {
+            self.state = State::Records;
+        }
+        false
+    }
+
+    /// The halves that belong together, the older one first.
+    fn kept(&self) -> impl Iterator<Item = (usize, Kept)> {
+        let of = |half: usize| Some((half, *self.halves.get(half)?));
+        let last = of(self.half).filter(|(_, last)| last.number.is_some());
+        let before = last.and_then(|(_, last)| last.number).map(|number| number.wrapping_sub(1));
+        let older = of(1 - self.half).filter(|(_, older)| older.number == before);
+        older.filter(|_| before.is_some()).into_iter().chain(last)
+    }
+
+    /// What a host reads of a trip; nothing where none has been kept.
+    pub fn page_of_trip<'a>(&self, part: u16, offset: u32, out: &'a mut [u8]) -> FlightPage<'a> {
+        let parts = if self.trip.is_some() { self.parts() } else { 0 };
+        let read = if part < parts { self.read(part, offset, out) } else { 0 };
+        let offset = usize::try_from(offset).unwrap_or(usize::MAX);
+        let written = read.saturating_sub(offset).min(out.len());
+        FlightPage {
+            id: self.number,
+            parts,
+            length: u32::try_from(read).unwrap_or(u32::MAX),
+            bytes: out.get(..written).unwrap_or_default(),
+        }
+    }
+
+    /// How many parts make a file of what has been kept, one behind the other; 0 where nothing has.
+    pub fn parts(&self) -> u16 {
+        let parts = match self.kept().count() {
+            0 => 0,
+            halves => FIRST_PARTS + halves * Part::COUNT,
+        };
+        u16::try_from(parts).unwrap_or(u16::MAX)
+    }
+
+    /// Writes bytes of a part from `offset` on to `out`, as far as there is room; how many the part
+    /// has in all.
+    pub fn read(&self, part: u16, offset: u32, out: &mut [u8]) -> usize {
+        let offset = usize::try_from(offset).unwrap_or(usize::MAX);
+        match usize::from(part) {
+            0 => {
+                let half = |(_, kept): (usize, Kept)| HalfHead {
+                    since: kept.since,
+                    calls: u32::try_from(kept.calls).unwrap_or(u32::MAX),
+                };
+                let halves: Vec<HalfHead, 2> = self.kept().map(half).collect();
+                let core = self.kept().last().and_then(|(half, _)| self.shelf.copied(half));
+                let board = RecordedBoard::from(core.map(Gateway::board).unwrap_or_default());
+                let head = Head { trip: self.trip, halves, board };
+                window::encode(&(MARK, head), offset, out)
+            }
+            part @ 1..FIRST_PARTS => {
+                let Some((half, kept)) = self.kept().nth(part - 1) else { return 0 };
+                let calls = self.shelf.read_calls(half).get(..kept.calls).unwrap_or_default();
+                window::copy(calls, offset, out)
+            }
+            part => {
+                let part = part - FIRST_PARTS;
+                let half = self.kept().nth(part / Part::COUNT);
+                let core = half.and_then(|(half, _)| self.shelf.copied(half));
+                let part = core.and_then(|core| Part::of(core, part % Part::COUNT));
+                part.map_or(0, |part| window::encode(&part, offset, out))
+            }
+        }
     }
 }

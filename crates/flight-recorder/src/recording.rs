@@ -1,14 +1,14 @@
-//! What a memory holds.
+//! What a file holds.
 
 use crate::board::RecordedBoard;
 use crate::call::Call;
-use crate::memory;
+use crate::file::{self, Head, MARK};
 use core::fmt;
 use gateway::Instant;
 use heapless::Vec;
 use host_protocol::Trip;
 
-/// What a [`Recorder`](crate::Recorder) has left in its memory.
+/// What a [`Recorder`](crate::Recorder) has kept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording<'a> {
     /// The first axis that tripped, and its trip; `None` where none has.
@@ -17,25 +17,25 @@ pub struct Recording<'a> {
     pub board: RecordedBoard<'a>,
     /// One or two, in the order in which they were written.
     pub halves: Vec<Half<'a>, 2>,
+    /// The copies of the core at the beginning of each, one behind the other.
+    pub(crate) copies: &'a [u8],
 }
 
 /// No two calls are so far apart, µs: a week. What says so is damaged.
 const LONGEST_PAUSE_US: u64 = 7 * 24 * 3_600 * 1_000_000;
 
-/// Calls from a snapshot on.
+/// Calls from a copy on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Half<'a> {
     /// When it was taken, in the gateway's own time.
     pub since: Instant,
-    /// For [`Gateway::resume`](gateway::Gateway::resume).
-    pub snapshot: &'a [u8],
     calls: &'a [u8],
 }
 
-/// Why a memory cannot be read.
+/// Why a file cannot be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unreadable {
-    /// Nothing was ever recorded there, or it is no such memory.
+    /// Nothing was recorded, or it is no such file.
     Nothing,
     /// It is damaged, or lacks its end.
     Damaged,
@@ -56,15 +56,14 @@ impl fmt::Display for Unreadable {
 impl core::error::Error for Unreadable {}
 
 impl<'a> Recording<'a> {
-    /// Moves what a memory holds together, and returns how long it is then. So much of it, and
-    /// [its checksum](Self::checksum) behind it, is a file.
-    pub fn trim(memory: &mut [u8]) -> usize {
-        memory::trim(memory)
+    /// What a file of these bytes ends with.
+    pub fn checksum(bytes: &[u8]) -> [u8; 4] {
+        file::checksum(bytes)
     }
 
-    /// What a file of these bytes of a memory ends with.
-    pub fn checksum(memory: &[u8]) -> [u8; 4] {
-        memory::file_checksum(memory)
+    /// The first axis that tripped, and its trip, whoever can read the rest.
+    pub fn trip_of(file: &[u8]) -> Option<(u8, Trip)> {
+        postcard::take_from_bytes(file.strip_prefix(&MARK)?).ok().and_then(|(trip, _)| trip)
     }
 
     /// What a file holds.
@@ -72,60 +71,43 @@ impl<'a> Recording<'a> {
     /// # Errors
     /// See [`Unreadable`].
     pub fn read_file(file: &'a [u8]) -> Result<Self, Unreadable> {
-        if !memory::is_marked(file) {
+        if !file.starts_with(&MARK) {
             return Err(Unreadable::Nothing);
         }
         match file.split_last_chunk() {
-            Some((memory, checksum)) if memory::file_checksum(memory) == *checksum => {
-                Self::read(memory)
-            }
+            Some((bytes, checksum)) if file::checksum(bytes) == *checksum => Self::read(bytes),
             _ => Err(Unreadable::Damaged),
         }
     }
 
-    /// What a memory holds.
+    /// What these bytes hold: the parts that a recorder gives, one behind the other.
     ///
     /// # Errors
     /// See [`Unreadable`].
-    pub fn read(memory: &'a [u8]) -> Result<Self, Unreadable> {
-        if !memory::is_marked(memory) {
+    pub fn read(bytes: &'a [u8]) -> Result<Self, Unreadable> {
+        let rest = bytes.strip_prefix(&MARK).ok_or(Unreadable::Nothing)?;
+        let (head, mut rest) =
+            postcard::take_from_bytes::<Head<'a>>(rest).map_err(|_| Unreadable::OtherLayout)?;
+        let mut halves = Vec::new();
+        for half in &head.halves {
+            let length = usize::try_from(half.calls).map_err(|_| Unreadable::Damaged)?;
+            let (calls, behind) = rest.split_at_checked(length).ok_or(Unreadable::Damaged)?;
+            rest = behind;
+            let _ = halves.push(Half { since: half.since, calls });
+        }
+        if halves.is_empty() {
             return Err(Unreadable::Nothing);
         }
-        let trip = memory::whole_trip(memory).ok_or(Unreadable::Damaged)?;
-        let mut halves = [0, 1].map(|index| {
-            let half = memory::half(memory, index);
-            memory::head(half).map(|head| (head, memory::contents(half)))
-        });
-        if let [Some((first, _)), Some((second, _))] = &halves
-            && second.number.wrapping_sub(first.number) > u32::MAX / 2
-        {
-            halves.swap(0, 1);
-        }
-        let mut recording: Option<Self> = None;
-        let mut number = 0;
-        for (head, contents) in halves.into_iter().flatten() {
-            let (board, rest) = contents.split_at_checked(head.board).ok_or(Unreadable::Damaged)?;
-            let (snapshot, rest) =
-                rest.split_at_checked(head.snapshot).ok_or(Unreadable::Damaged)?;
-            let calls = rest.get(..head.calls).ok_or(Unreadable::Damaged)?;
-            let half = Half { since: head.since, snapshot, calls };
-            let board = postcard::from_bytes(board).map_err(|_| Unreadable::OtherLayout)?;
-            match &mut recording {
-                Some(before) if head.number.wrapping_sub(number) == 1 => {
-                    let _ = before.halves.push(half);
-                }
-                _ => {
-                    let halves = Vec::from_iter([half]);
-                    recording = Some(Self { trip, board, halves });
-                }
-            }
-            number = head.number;
-        }
-        recording.ok_or(Unreadable::Damaged)
+        Ok(Self { trip: head.trip, board: head.board, halves, copies: rest })
     }
 }
 
 impl<'a> Half<'a> {
+    /// The calls, as they were kept.
+    pub fn bytes(&self) -> &'a [u8] {
+        self.calls
+    }
+
     /// The calls and their times.
     pub fn calls(&self) -> Calls<'a> {
         Calls { rest: self.calls, now: self.since }
@@ -143,7 +125,7 @@ impl<'a> Iterator for Calls<'a> {
     type Item = (Instant, Call<'a>);
 
     fn next(&mut self) -> Option<Self::Item> {
-        let ((since, call), rest) = postcard::take_from_bytes::<(u64, Call<'a>)>(self.rest).ok()?;
+        let (since, call, rest) = Call::decode(self.rest)?;
         if since > LONGEST_PAUSE_US {
             return None;
         }

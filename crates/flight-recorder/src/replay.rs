@@ -1,6 +1,6 @@
 //! Does it all again.
 
-use crate::call::Call;
+use crate::call::{Call, Outcome};
 use crate::recording::{Calls, Half, Recording};
 use core::fmt;
 use gateway::{Board, Gateway, Instant, ResumeError, Transmit};
@@ -9,8 +9,11 @@ use gateway::{Board, Gateway, Instant, ResumeError, Transmit};
 pub struct Replay<'a> {
     core: Gateway,
     calls: Calls<'a>,
-    /// The half behind the one that is played.
+    /// The half behind the one that is played, and the core at its beginning.
     next: Option<Half<'a>>,
+    next_copy: &'a [u8],
+    /// What has come of the calls so far.
+    outcome: Option<Outcome>,
     scratch: &'a mut [u8],
 }
 
@@ -42,12 +45,12 @@ impl fmt::Display for Diverged {
 impl core::error::Error for Diverged {}
 
 impl<'a> Replay<'a> {
-    /// The core of the first snapshot. `board`: [that of the recording](Recording::board), which a
+    /// The core of the first copy. `board`: [that of the recording](Recording::board), which a
     /// core keeps for ever. `scratch`: room for a snapshot; where it is too small, the state at the
     /// end of the first half is not compared.
     ///
     /// # Errors
-    /// Where no core of this build goes on from the snapshot.
+    /// Where no core of this build goes on from the copy.
     pub fn new(
         board: &'static Board,
         recording: &Recording<'a>,
@@ -55,8 +58,14 @@ impl<'a> Replay<'a> {
     ) -> Result<Self, ResumeError> {
         let mut halves = recording.halves.iter().copied();
         let first = halves.next().ok_or(ResumeError::Unreadable)?;
-        let core = Gateway::resume(board, first.snapshot)?;
-        Ok(Self { core, calls: first.calls(), next: halves.next(), scratch })
+        let (core, next_copy) = Gateway::resume(board, recording.copies)?;
+        let next = halves.next();
+        let outcome = Outcome::behind(&core, None);
+        // What is behind the last copy is of another build.
+        if next.is_none() && !next_copy.is_empty() {
+            return Err(ResumeError::Unreadable);
+        }
+        Ok(Self { core, calls: first.calls(), next, next_copy, outcome, scratch })
     }
 
     /// The core, as it is after the last step.
@@ -71,8 +80,12 @@ impl<'a> Replay<'a> {
     pub fn step(&mut self) -> Option<Result<Step<'a>, Diverged>> {
         loop {
             if let Some((at, call)) = self.calls.next() {
-                if !call.is_true(&self.core) {
-                    return Some(Err(Diverged { at }));
+                if let Some(recorded) = call.outcome() {
+                    let played = Outcome::behind(&self.core, self.outcome);
+                    self.outcome = Some(recorded);
+                    if played != Some(recorded) {
+                        return Some(Err(Diverged { at }));
+                    }
                 }
                 let transmit = call.make(&mut self.core, at);
                 return Some(Ok(Step { at, call, transmit }));
@@ -80,7 +93,7 @@ impl<'a> Replay<'a> {
             let half = self.next.take()?;
             self.calls = half.calls();
             let here = self.core.snapshot(self.scratch);
-            if here.is_some_and(|here| here != half.snapshot) {
+            if here.is_some_and(|here| here != self.next_copy) {
                 return Some(Err(Diverged { at: half.since }));
             }
         }

@@ -78,11 +78,14 @@ impl Kept {
 ///
 /// `axes` comes last: with zeros right behind it the compiler makes it on the stack, which has no
 /// room for it, and then moves it.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Deserialize)]
 #[repr(C)]
 pub(crate) struct Axes {
     /// Those that may have changed since they were settled.
     touched: Set,
+    /// Those that may have changed since they were copied.
+    #[serde(skip)]
+    stale: Set,
     #[serde(skip)]
     kept: Kept,
     /// When the first of them is due; `None` where that has to be worked out.
@@ -98,6 +101,7 @@ impl Axes {
         Self {
             axes: Vec::new(),
             touched: Set::NONE,
+            stale: Set::NONE,
             kept: Kept::NONE,
             first_due: None,
             new_traffic: Set::NONE,
@@ -128,7 +132,9 @@ impl Axes {
     }
 
     pub fn get_mut(&mut self, index: usize) -> Option<&mut Axis> {
-        self.touched.add(Set::of(index));
+        let one = Set::of(index);
+        self.touched.add(one);
+        self.stale.add(one);
         self.axes.get_mut(index)
     }
 
@@ -245,6 +251,21 @@ impl Axes {
         }
         self.new_traffic.add(if is_new_traffic { buses } else { Set::NONE });
         buses
+    }
+
+    /// What a snapshot has before the axes; see [`Parts`](crate::gateway::Part).
+    pub fn head(&self) -> impl Serialize {
+        (self.touched, self.new_traffic, self.axes.len())
+    }
+
+    /// Those that may have changed since they were copied.
+    pub fn stale(&mut self) -> &mut Set {
+        &mut self.stale
+    }
+
+    /// Whether there is none of these.
+    pub fn is_copied(&self) -> bool {
+        self.stale.is_empty()
     }
 
     /// Whether no axis may have changed since.

@@ -1,5 +1,6 @@
 //! The gateway as one object: events in, frames out.
 
+mod copy;
 mod deadlines;
 mod flight;
 mod image;
@@ -12,7 +13,7 @@ mod stored;
 mod unstopped;
 
 pub use retained::RETAINED_WORDS;
-pub use snapshot::{MAX_SNAPSHOT, ResumeError};
+pub use snapshot::{MAX_SNAPSHOT, Part, ResumeError};
 pub use stored::{MAX_STORED_ROW, NextRow, STORED_ROWS};
 
 use crate::axes::Axes;
@@ -33,12 +34,12 @@ use image::Image;
 use names::Names;
 use requests::{Arming, Authority, Cycle, Draft, Running, Together};
 use retained::Retention;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use stored::Stored;
 use unstopped::Unstopped;
 
 /// A gateway: everything between the host links and the buses of one board.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Deserialize)]
 pub struct Gateway {
     #[serde(skip)]
     pub(crate) board: &'static Board,
@@ -154,9 +155,7 @@ impl Gateway {
             }
         }
         self.links.init();
-        for (index, link) in self.links.iter_mut().enumerate() {
-            link.offer(self.board.links.get(index).map_or(&[], |port| port.bauds));
-        }
+        self.links.each(self.board, Link::offer);
     }
 
     /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a
@@ -177,7 +176,7 @@ impl Gateway {
                 self.links.touch(link);
             }
             Event::HostLineError { link } => {
-                if let Some(port) = self.links.get_mut(usize::from(link)) {
+                if let Some(port) = self.links.get_mut(link) {
                     port.line_error(now.as_micros());
                 }
                 self.links.touch(link);
@@ -374,7 +373,7 @@ impl Gateway {
             return Some(length);
         }
         let Self { links, axes, now, .. } = self;
-        let link = links.get_mut(usize::from(link))?;
+        let link = links.get_mut(link)?;
         // Samples are made when there is room for them, so that they wait nowhere and push nothing
         // out.
         loop {
@@ -427,7 +426,7 @@ impl Gateway {
     /// Not inlined: the loop around it would work out beforehand what only some frames need.
     #[inline(never)]
     fn host_bytes(&mut self, now: Instant, link: u8, bytes: &mut &[u8]) {
-        let Some(port) = self.links.get_mut(usize::from(link)) else {
+        let Some(port) = self.links.get_mut(link) else {
             *bytes = &[];
             return;
         };

@@ -29,7 +29,7 @@ mod transaction;
 pub use bus::{Assumptions, AxisPlan, BusPlan};
 pub use bus_rules::check_bus_config;
 pub use gateway::{
-    Gateway, MAX_SNAPSHOT, MAX_STORED_ROW, NextRow, RETAINED_WORDS, ResumeError, STORED_ROWS,
+    Gateway, MAX_SNAPSHOT, MAX_STORED_ROW, NextRow, Part, RETAINED_WORDS, ResumeError, STORED_ROWS,
 };
 pub use log::LogEntry;
 pub use port::{

@@ -285,6 +285,14 @@ pub struct FlightRead {
     pub offset: u32,
 }
 
+impl FlightRead {
+    /// Whether there is no such part of so many, or no such byte in one of this length. A part
+    /// without bytes has a beginning.
+    pub(crate) const fn is_beyond(self, parts: u16, length: u32) -> bool {
+        parts > 0 && (self.part >= parts || self.offset > 0 && self.offset >= length)
+    }
+}
+
 /// What the flight recorder has kept, and some bytes of it: see
 /// [`FlightRecordPage`](host_protocol::replies::FlightRecordPage).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -293,9 +301,9 @@ pub struct FlightPage<'a> {
     pub id: u32,
     /// How many parts there are; 0: nothing is kept.
     pub parts: u16,
-    /// Bytes of each.
+    /// Bytes of the one that was asked for.
     pub length: u32,
-    /// Those that were asked for, none where there are none. What is more than a message holds is
+    /// Those of it that were asked for, none where there are none. What is more than a message holds is
     /// left out.
     pub bytes: &'a [u8],
 }

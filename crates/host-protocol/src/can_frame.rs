@@ -83,17 +83,23 @@ impl CanFrame {
         if self.remote { &[] } else { self.bytes() }
     }
 
-    fn bytes(&self) -> &[u8] {
+    /// As many bytes as the frame says, those of a remote frame zero.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
         self.data.get(..usize::from(self.length)).unwrap_or_default()
     }
 
     /// The id with its two flags as on the wire.
-    fn flagged_id(&self) -> u32 {
+    #[must_use]
+    pub fn flagged_id(&self) -> u32 {
         let id = CanId(self.id).to_wire();
         if self.remote { id | REMOTE_FLAG } else { id }
     }
 
-    fn from_flagged_id(flagged: u32, data: &[u8]) -> Option<Self> {
+    /// The frame with this [`flagged_id`](Self::flagged_id) and these [`bytes`](Self::bytes);
+    /// `None` where there is none.
+    #[must_use]
+    pub fn from_flagged_id(flagged: u32, data: &[u8]) -> Option<Self> {
         let CanId(id) = CanId::from_wire(flagged & !REMOTE_FLAG)?;
         if flagged & REMOTE_FLAG == 0 {
             Self::data_frame(id, data)

@@ -492,8 +492,8 @@ errors! {
         "the flight recorder is read by somebody else just now, or does not answer; ask again";
     /// What the flight recorder has kept ends before what was asked for.
     137 BeyondFlightRecord { parts: u16, length: u32 }
-        "the flight recorder has kept {parts} parts of {length} bytes, and nothing beyond; read it \
-        from the beginning";
+        "the flight recorder has kept {parts} parts, {length} bytes in this one, and nothing beyond; \
+        read it from the beginning";
 }
 
 impl core::error::Error for Error {}

@@ -33,7 +33,7 @@ field_docs! { $
     host_major "What the host speaks.";
     id "The CAN id.";
     kind "What it is.";
-    length "Bytes of each part.";
+    length "Bytes of the part.";
     max "The largest allowed.";
     max_axes "Axes are numbered from 0 to one less than this.";
     min "The smallest allowed.";

@@ -310,18 +310,17 @@ wire! {
         pub text: Text<MAX_CRASH_REPORT>,
     }
 
-    /// Bytes of what the flight recorder has kept: some parts of the same length, which one behind
-    /// the other are a file of it without the checksum at its end (docs/flight-recorder.md).
+    /// Bytes of what the flight recorder has kept: some parts, which one behind the other are a
+    /// file of it without the checksum at its end (docs/flight-recorder.md).
     #[derive(Eq)]
     pub struct FlightRecordPage {
         /// Another one where something else is kept: a host that sees it change begins anew.
         pub id: u32,
         /// How many parts there are; 0: nothing has been kept.
         pub parts: u16,
-        /// Bytes of each.
+        /// Bytes of the part that was asked for; 0: it has none.
         pub length: u32,
-        /// Those of the part that was asked for, from the offset on: at least one where there is
-        /// one.
+        /// Those from the offset on: at least one where there is one.
         pub bytes: Bytes<MAX_FLIGHT_RECORD_BYTES>,
     }
 }

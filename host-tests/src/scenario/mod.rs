@@ -61,7 +61,7 @@ pub fn trace(text: &str, seed: u64) -> Result<String, String> {
 /// # Errors
 /// As [`run`].
 pub fn flight_recorder(text: &str, seed: u64) -> Result<Vec<u8>, String> {
-    play(text, seed).map(|bench| bench.world.borrow().flight_recorder().to_vec())
+    play(text, seed).map(|bench| bench.world.borrow().flight_record())
 }
 
 fn play(text: &str, seed: u64) -> Result<Bench, String> {

@@ -18,7 +18,7 @@ const BUSY_FOR: Duration = Duration::from_secs(3);
 /// So often it is read from the beginning, where something else is kept meanwhile.
 const READINGS: usize = 3;
 /// More than any gateway has memory, bytes.
-const MOST: u64 = 64 << 20;
+const MOST: usize = 64 << 20;
 
 impl<T: Transport> Client<T> {
     /// What the flight recorder has kept of the latest trip, as the file that `mgw replay` plays;
@@ -44,35 +44,42 @@ impl<T: Transport> Client<T> {
     /// All that is kept, all parts; `None` where something else was kept meanwhile.
     fn read_flight_record(&mut self) -> Result<Option<Vec<u8>>, ClientError> {
         let mut page = self.flight_record_page(0, 0)?;
-        let (id, parts, length) = (page.id, page.parts, page.length);
-        let whole = u64::from(parts) * u64::from(length);
+        let (id, parts) = (page.id, page.parts);
         let mut bytes = Vec::new();
-        if whole == 0 {
-            return Ok(Some(bytes));
-        }
-        loop {
-            let left = u64::from(length) - bytes.len() as u64 % u64::from(length);
-            // What does not advance, or goes on for too long, is no answer.
-            if page.bytes.is_empty() || page.bytes.len() as u64 > left || whole > MOST {
-                let (request, number) = ("ReadFlightRecord", ask::ReadFlightRecord::NUMBER);
-                return Err(ClientError::UnreadableReply { request, number });
-            }
-            bytes.extend_from_slice(&page.bytes);
-            let read = bytes.len() as u64;
-            if read == whole {
-                return Ok(Some(bytes));
-            }
-            // Both are parts of numbers of the same types.
-            let part = u16::try_from(read / u64::from(length)).unwrap_or(u16::MAX);
-            let offset = u32::try_from(read % u64::from(length)).unwrap_or(u32::MAX);
-            page = match self.flight_record_page(part, offset) {
-                Ok(page) if (page.id, page.parts, page.length) == (id, parts, length) => page,
-                Ok(_) | Err(ClientError::Gateway(Error::BeyondFlightRecord { .. })) => {
+        for part in 0..parts {
+            let begin = bytes.len();
+            let length = page.length;
+            loop {
+                bytes.extend_from_slice(&page.bytes);
+                let read = bytes.len() - begin;
+                let is_over = read as u64 > length.into() || bytes.len() > MOST;
+                // What does not advance, or goes on for too long, is no answer.
+                if is_over || page.bytes.is_empty() && length > 0 {
+                    let (request, number) = ("ReadFlightRecord", ask::ReadFlightRecord::NUMBER);
+                    return Err(ClientError::UnreadableReply { request, number });
+                }
+                let is_whole = read as u64 == length.into();
+                let (next, offset) = if is_whole { (part + 1, 0) } else { (part, read) };
+                if next == parts {
+                    return Ok(Some(bytes));
+                }
+                let offset = u32::try_from(offset).unwrap_or(u32::MAX);
+                page = match self.flight_record_page(next, offset) {
+                    Ok(page) if (page.id, page.parts) == (id, parts) => page,
+                    Ok(_) | Err(ClientError::Gateway(Error::BeyondFlightRecord { .. })) => {
+                        return Ok(None);
+                    }
+                    Err(error) => return Err(error),
+                };
+                if is_whole {
+                    break;
+                }
+                if page.length != length {
                     return Ok(None);
                 }
-                Err(error) => return Err(error),
-            };
+            }
         }
+        Ok(Some(bytes))
     }
 
     /// Bytes of a part from an offset on, when the recorder has time for it.

@@ -91,7 +91,7 @@ impl Gateway {
     /// Begins the periods of subscriptions that are due.
     fn tick_links(&mut self, now: Instant) {
         for link in 0..MAX_LINKS_WIRE {
-            let Some(port) = self.links.get_mut(usize::from(link)) else { return };
+            let Some(port) = self.links.get_mut(link) else { return };
             if port.deadline().is_none_or(|at| at > now.as_micros()) {
                 continue;
             }

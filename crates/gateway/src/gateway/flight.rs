@@ -24,6 +24,10 @@ pub(crate) struct FlightReading {
 }
 
 impl FlightReading {
+    const fn read(&self) -> FlightRead {
+        FlightRead { part: self.part, offset: self.offset }
+    }
+
     /// Whether the port has still to take it.
     pub const fn is_due(&self) -> bool {
         !self.is_taken
@@ -42,7 +46,7 @@ impl Gateway {
     pub fn take_flight_read(&mut self) -> Option<FlightRead> {
         let reading = self.flight_reading.as_mut().filter(|reading| reading.is_due())?;
         reading.is_taken = true;
-        Some(FlightRead { part: reading.part, offset: reading.offset })
+        Some(reading.read())
     }
 
     /// Has the port read; the host is answered when it has.
@@ -72,7 +76,7 @@ impl Gateway {
             return;
         };
         let answer = match result {
-            Ok(FlightPage { parts, length, bytes: [], .. }) if parts > 0 => {
+            Ok(FlightPage { parts, length, .. }) if reading.read().is_beyond(parts, length) => {
                 Err(Error::BeyondFlightRecord { parts, length })
             }
             Ok(FlightPage { id, parts, length, bytes }) => {

@@ -2,11 +2,12 @@
 
 use super::{Cursor, Identity, Link, Ring, Slot};
 use crate::log::LogEntry;
+use crate::port::Board;
 use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_LINKS};
 use core::mem::take;
-use core::ops::{Deref, DerefMut};
+use core::ops::Deref;
 use heapless::Vec;
 use host_protocol::{Error, Event, MAX_FRAME, Reply, Request};
 use serde::{Deserialize, Serialize};
@@ -15,9 +16,12 @@ use serde::{Deserialize, Serialize};
 ///
 /// `links` comes last: with zeros right behind it the compiler makes it on the stack, which has no
 /// room for it, and then moves it.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Deserialize)]
 #[repr(C)]
 pub(crate) struct Links {
+    /// Those that may have changed since they were copied.
+    #[serde(skip)]
+    stale: Set,
     /// What happened.
     ring: Ring,
     /// How far the log has been told.
@@ -53,6 +57,7 @@ impl Links {
     pub const fn new() -> Self {
         Self {
             links: Vec::new(),
+            stale: Set::NONE,
             ring: Ring::new(),
             told: Cursor { entry: 0, event: 0 },
             holder: None,
@@ -69,6 +74,36 @@ impl Links {
         while !self.links.is_full() {
             let _ = self.links.push(Link::blank());
         }
+    }
+
+    pub fn get_mut(&mut self, link: u8) -> Option<&mut Link> {
+        self.due = None;
+        self.stale.add(Set::of(link));
+        self.links.get_mut(usize::from(link))
+    }
+
+    /// Calls `act` with each link, and the rates that the board has for it.
+    pub fn each(&mut self, board: &'static Board, act: impl Fn(&mut Link, &'static [u32])) {
+        self.due = None;
+        for (index, link) in self.links.iter_mut().enumerate() {
+            act(link, board.links.get(index).map_or(&[], |port| port.bauds));
+        }
+    }
+
+    /// What a snapshot has before the links; see [`Parts`](crate::gateway::Part).
+    pub fn head(&self) -> impl Serialize {
+        let Self { ring, told, holder, changed, log_changed, tripped, links, .. } = self;
+        (ring, told, holder, changed, log_changed, tripped, links.len())
+    }
+
+    /// Those that may have changed since they were copied.
+    pub fn stale(&mut self) -> &mut Set {
+        &mut self.stale
+    }
+
+    /// Whether there is none of these.
+    pub fn is_copied(&self) -> bool {
+        self.stale.is_empty()
     }
 
     /// When [`Link::tick`] is due for the first of them; [`Instant::NEVER`] where it is for none.
@@ -122,13 +157,13 @@ impl Links {
         request: &Result<Request, Error>,
     ) -> Option<Option<Slot>> {
         let end = self.ring.end();
-        self.due = None;
-        self.links.get_mut(usize::from(link))?.admit(now_us, identity, watches, request, end)
+        self.get_mut(link)?.admit(now_us, identity, watches, request, end)
     }
 
     /// The next frame for a host, see [`Link::poll_transmit`].
     pub fn poll_transmit(&mut self, link: u8, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         self.due = None;
+        self.stale.add(Set::of(link));
         self.links.get_mut(usize::from(link))?.poll_transmit(&self.ring, out)
     }
 
@@ -149,6 +184,7 @@ impl Links {
 
     /// A link may have something to send, or another rate.
     pub fn touch(&mut self, link: u8) {
+        self.stale.add(Set::of(link));
         let Some(port) = self.links.get_mut(usize::from(link)) else { return };
         if port.take_changed_baud() || port.has_output(&self.ring) {
             self.changed.add(Set::of(link));
@@ -176,12 +212,5 @@ impl Deref for Links {
 
     fn deref(&self) -> &Self::Target {
         &self.links
-    }
-}
-
-impl DerefMut for Links {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        self.due = None;
-        &mut self.links
     }
 }

@@ -3,7 +3,6 @@
 use heapless::Deque;
 use host_protocol::{Error, Frame, MAX_FRAME, Reply};
 use serde::{Deserialize, Serialize};
-use serde_big_array::BigArray;
 
 /// Requests that are remembered, and replies that can wait.
 const WINDOW: usize = 8;
@@ -60,6 +59,26 @@ impl Identity {
     }
 }
 
+/// Bytes in a snapshot, without the zeros at their end: most replies are short.
+mod without_zeros {
+    use host_protocol::MAX_FRAME;
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(bytes: &[u8; MAX_FRAME], to: S) -> Result<S::Ok, S::Error> {
+        let length = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+        to.serialize_bytes(bytes.get(..length).unwrap_or_default())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[u8; MAX_FRAME], D::Error> {
+        let found = <&[u8]>::deserialize(from)?;
+        let mut bytes = [0; MAX_FRAME];
+        let place = bytes.get_mut(..found.len());
+        place.ok_or(D::Error::custom("too many bytes"))?.copy_from_slice(found);
+        Ok(bytes)
+    }
+}
+
 #[derive(Clone, Serialize, Deserialize)]
 struct Entry {
     state: State,
@@ -68,7 +87,7 @@ struct Entry {
     order: u32,
     /// Bytes of the reply.
     length: u16,
-    #[serde(with = "BigArray")]
+    #[serde(with = "without_zeros")]
     reply: [u8; MAX_FRAME],
 }
 

@@ -160,7 +160,7 @@ fn where_both_copies_of_an_axis_are_damaged_the_e_stop_says_that_something_is_lo
 #[test]
 fn a_gateway_without_a_random_number_arms_nothing_and_says_so() {
     let mut rig = bench::rmd_axes(1);
-    rig.gateway = Gateway::new(&BOARD_AGAIN, None);
+    rig.replace_gateway(Gateway::new(&BOARD_AGAIN, None));
     rig.gateway.restore(rig.now(), &rig.memory);
     rig.handle(Event::EStopInput { open: false });
     bench::hello_again(&mut rig);
@@ -174,7 +174,7 @@ fn a_gateway_without_a_random_number_arms_nothing_and_says_so() {
 #[test]
 fn epochs_count_from_the_random_number_over_the_end_of_their_range() {
     let mut rig = bench::rmd_axes(1);
-    rig.gateway = Gateway::new(&BOARD_AGAIN, Some(u32::MAX - 1));
+    rig.replace_gateway(Gateway::new(&BOARD_AGAIN, Some(u32::MAX - 1)));
     rig.gateway.restore(rig.now(), &rig.memory);
     rig.handle(Event::EStopInput { open: false });
     bench::hello_again(&mut rig);

@@ -15,6 +15,7 @@ mod cancellation;
 mod capabilities;
 mod changes;
 mod clearing;
+mod copy;
 mod cycle;
 mod d5;
 mod damaged_memory;

@@ -74,7 +74,7 @@ fn an_open_input_stops_everything_at_once_and_bars_arming_until_it_is_closed_and
 #[test]
 fn an_input_that_has_not_been_read_counts_as_open() {
     let mut rig = bench::rmd_axes(1);
-    rig.gateway = Gateway::new(&BOARD, Some(0));
+    rig.replace_gateway(Gateway::new(&BOARD, Some(0)));
     rig.gateway.restore(rig.now(), &rig.memory);
     bench::hello_again(&mut rig);
     run_with_host(&mut rig, 50_000);
@@ -86,7 +86,7 @@ fn an_input_that_has_not_been_read_counts_as_open() {
 #[test]
 fn an_input_that_is_open_at_the_start_latches_as_soon_as_it_is_read() {
     let mut rig = bench::rmd_axes(1);
-    rig.gateway = Gateway::new(&BOARD, Some(0));
+    rig.replace_gateway(Gateway::new(&BOARD, Some(0)));
     bench::hello_again(&mut rig);
     rig.handle(Event::EStopInput { open: true });
     assert!(status(&mut rig).e_stop_latched);

@@ -1,6 +1,7 @@
 //! A gateway on a bench without motors: the test plays the host with typed requests and the motors
 //! with literal bytes.
 
+use crate::copy::Copy;
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
     Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort, MAX_SNAPSHOT, Outgoing,
@@ -91,6 +92,8 @@ pub enum Echo {
 pub struct Rig {
     pub gateway: Gateway,
     events: u32,
+    /// What is copied of the gateway while it goes on.
+    copy: Option<Copy>,
     /// What outlives a reset.
     pub memory: Vec<u32>,
     pub now_us: u64,
@@ -144,6 +147,7 @@ impl Rig {
         let mut rig = Self {
             gateway: Gateway::new(&BOARD, Some(0)),
             events: 0,
+            copy: None,
             memory: vec![0xA5A5_A5A5; RETAINED_WORDS],
             now_us: 1_000,
             wire: Vec::new(),
@@ -175,7 +179,7 @@ impl Rig {
 
     /// The same, and the board offers something else than before.
     pub fn reset_as(&mut self, board: &'static Board) {
-        self.gateway = Gateway::new(board, Some(0x8000_0000));
+        self.replace_gateway(Gateway::new(board, Some(0x8000_0000)));
         self.named = Set::ALL;
         self.now_us = 500;
         self.due.clear();
@@ -186,6 +190,11 @@ impl Rig {
         self.said.clear();
         self.gateway.restore(self.now(), &self.memory);
         self.handle(Event::EStopInput { open: false });
+    }
+
+    /// Another gateway is in its place, which nobody has copied.
+    pub fn replace_gateway(&mut self, gateway: Gateway) {
+        (self.gateway, self.copy) = (gateway, None);
     }
 
     pub fn now(&self) -> Instant {
@@ -273,10 +282,14 @@ impl Rig {
         if self.events > 50 && !self.events.is_multiple_of(101) {
             return;
         }
+        match &mut self.copy {
+            Some(copy) => copy.go_on(&mut self.gateway),
+            None => self.copy = Some(Copy::begin(&mut self.gateway)),
+        }
         let mut bytes = [0; MAX_SNAPSHOT];
         let taken = self.gateway.snapshot(&mut bytes).expect("it fits");
         let board = self.gateway.board();
-        self.gateway = Gateway::resume(board, taken).expect("this build has written it");
+        (self.gateway, _) = Gateway::resume(board, taken).expect("this build has written it");
     }
 
     /// Stores a part of the rest; whether that was all.

@@ -178,7 +178,8 @@ impl World {
         let mut bytes = vec![0; MAX_SNAPSHOT];
         let taken = self.gateway.snapshot(&mut bytes).expect("it fits").to_vec();
         let board = self.gateway.board();
-        let mut resumed = Gateway::resume(board, &taken).expect("it can be read");
+        let (mut resumed, behind) = Gateway::resume(board, &taken).expect("it can be read");
+        assert_eq!(behind, [], "it is all of it");
         assert_eq!(resumed.snapshot(&mut bytes), Some(&taken[..]), "it is the same");
         *self.gateway = resumed;
     }

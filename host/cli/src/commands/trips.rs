@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use flight_recorder::{Recording, recorded_trip};
+use flight_recorder::Recording;
 use host_protocol::{Incident, Trip};
 use mgw_sim::RecordingFile;
 use serde_json::json;
@@ -91,7 +91,7 @@ impl Kept {
                 ))
             }
         };
-        let trip = recorded_trip(&record);
+        let trip = Recording::trip_of(&record);
         Ok(Self { record, trip, told })
     }
 

@@ -77,10 +77,12 @@ fn what_is_no_recording_or_plays_otherwise_is_refused_by_name() {
         assert!(refused(bytes).contains("damaged, or lacks its end"), "{}", refused(bytes));
     }
     // Whoever takes the calls out of it has no trip any more.
-    let mut memory = whole[..whole.len() - 4].to_vec();
-    memory[128 + 20..][..4].fill(0);
-    memory.extend(Recording::checksum(&memory));
-    let text = refused(&memory);
+    let mut record = whole[..whole.len() - 4].to_vec();
+    let calls = Recording::read(&record).unwrap().halves[0].bytes();
+    let begin = calls.as_ptr().addr() - record.as_ptr().addr();
+    record[begin] = 0x1E;
+    record.extend(Recording::checksum(&record));
+    let text = refused(&record);
     assert!(text.contains("this core does not trip as was recorded"), "{text}");
 
     let text = mgw(&["replay", "/dev/zero"]).failure(1);

@@ -48,7 +48,7 @@ impl FlightFile {
         self.has = Some(trip);
         self.next = goes_on.then_some(Instant::from_micros(now_us + REWRITE_US));
 
-        let mut memory = world.recorded();
+        let mut memory = world.flight_record();
         memory.extend(Recording::checksum(&memory));
         let (file, (axis, Trip { reason, .. })) = (self.file.path().display(), trip);
         let tripped = format!("axis {axis} tripped ({reason})");

@@ -3,8 +3,9 @@
 
 use std::time::Duration;
 
-use gateway::{Board, Event, Images, Instant, RETAINED_WORDS, Save, Set};
+use gateway::{Board, Event, Gateway, Images, Instant, RETAINED_WORDS, Save, Set};
 use host_protocol::BootReason;
+use host_protocol::replies::MAX_FLIGHT_RECORD_BYTES;
 
 use super::trace::micros;
 use super::{HostLink, World};
@@ -101,11 +102,12 @@ impl World {
         };
         let board = Board { boot, crash_report, firmware, ..*self.life.board };
         let board = Box::leak(Box::new(board));
-        self.gateway.restart(board, self.life.take_random_number());
+        self.gateway.restart(Gateway::new(board, self.life.take_random_number()));
         (self.life.started, self.life.hangs, self.life.links_are_open) = (now, false, false);
         self.not_before = now;
         if let Some(images) = images {
-            self.gateway.set_images(self.gateway_now(), images);
+            let now = self.gateway_now();
+            self.gateway.before_motion().set_images(now, images);
         }
         self.start_gateway();
     }
@@ -144,7 +146,7 @@ impl World {
         let Some(storage) = &mut self.life.storage else { return };
         let found = at_once(storage.find());
         let mut from = 0;
-        self.gateway.load(now, &self.life.words, found, &mut |bytes| {
+        self.gateway.before_motion().load(now, &self.life.words, found, &mut |bytes| {
             let row = at_once(storage.next_row(from, bytes)).transpose()?;
             Some(row.map(|(row, length)| {
                 from = row + 1;
@@ -177,10 +179,10 @@ impl World {
 
     /// Answers a host that reads what the flight recorder has kept.
     pub(super) fn read_flight_record(&mut self) {
-        let Some(read) = self.gateway.take_flight_read() else { return };
-        let kept = self.gateway.kept();
-        let result = kept.as_ref().map(|kept| kept.page(read)).map_err(|error| *error);
-        self.tell(Event::FlightRecord { result });
+        let mut page = [0; MAX_FLIGHT_RECORD_BYTES];
+        if let Some(result) = self.gateway.read(self.gateway_now(), &mut page) {
+            self.tell(Event::FlightRecord { result });
+        }
     }
 
     /// The level of the enable output.
@@ -192,7 +194,7 @@ impl World {
     pub(super) fn start_gateway(&mut self) {
         let now = self.gateway_now();
         self.load();
-        self.gateway.restore(now, &self.life.words);
+        self.gateway.before_motion().restore(now, &self.life.words);
         self.named = Set::ALL;
         self.life.words.resize(RETAINED_WORDS, 0);
         self.tell(Event::EStopInput { open: self.life.e_stop_input_open });
@@ -217,6 +219,9 @@ impl World {
         }
         let now = self.gateway_now();
         let changes = self.gateway.handle(now, event, &mut self.life.store());
+        if self.gateway.is_due() {
+            while self.gateway.go_on(now) {}
+        }
         self.named = self.named.with(changes.buses);
         self.life.restarts = changes.restart;
     }

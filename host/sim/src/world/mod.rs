@@ -5,24 +5,25 @@
 //! from the hosts, the gateway's own deadline, and then what starts on the buses. So a run depends
 //! on wiring, seed and input only, not on how it is cut into pieces.
 
-mod core;
 mod host_link;
 mod life;
 mod port;
+mod shelf;
 mod strangers;
 mod trace;
 
 use std::time::Duration;
 
-use gateway::{Event, Instant, MAX_LINKS, Set};
+use flight_recorder::Recorded;
+use gateway::{Event, Gateway, Instant, MAX_LINKS, Set};
 use host_protocol::{BusState, MAX_FRAME, Trip};
 
 pub use self::trace::TraceEntry;
 
-use self::core::Core;
 use self::host_link::HostLink;
 use self::life::Life;
 use self::port::{Medium, Port};
+use self::shelf::Halves;
 use self::strangers::Strangers;
 use self::trace::{Trace, micros};
 use crate::bus::{BusFault, Station, Wire};
@@ -37,7 +38,7 @@ const TICK: Duration = Duration::from_micros(1);
 /// A gateway and everything around it.
 pub struct World {
     now: Duration,
-    gateway: Core,
+    gateway: Box<Recorded<Halves>>,
     ports: Vec<Port>,
     motors: Vec<Motor>,
     links: Vec<HostLink>,
@@ -77,7 +78,8 @@ impl World {
         }
         let links = board.links.iter().take(MAX_LINKS).map(|_| HostLink::default()).collect();
         let mut life = Life::new(board, random_number);
-        let gateway = Core::new(board, life.take_random_number());
+        let gateway = Gateway::new(board, life.take_random_number());
+        let gateway = Box::new(Recorded::new(gateway, Halves::new()));
         let (strangers, trace, not_before) =
             (Strangers::new(seed), Trace::default(), Duration::ZERO);
         let (now, named) = (Duration::ZERO, Set::ALL);
@@ -151,25 +153,20 @@ impl World {
         u8::try_from(self.links.len()).unwrap_or(u8::MAX)
     }
 
-    /// The memory of the flight recorder, see [`flight_recorder::Recording`].
-    pub fn flight_recorder(&self) -> &[u8] {
-        self.gateway.recorder_memory()
-    }
-
-    /// What the flight recorder has kept: a file of it without the checksum at its end, see
-    /// [`flight_recorder::Recording`].
-    pub fn recorded(&self) -> Vec<u8> {
-        self.gateway.recorded()
+    /// What the flight recorder has kept, as [`flight_recorder::Recording::read`] takes it; nothing
+    /// where it has kept nothing.
+    pub fn flight_record(&self) -> Vec<u8> {
+        shelf::record(self.gateway.recorder())
     }
 
     /// The trip that it has kept, and that of which axis.
     pub fn recorded_trip(&self) -> Option<(u8, Trip)> {
-        flight_recorder::recorded_trip(self.flight_recorder())
+        self.gateway.recorder().trip()
     }
 
-    /// Whether the flight recorder adds to its memory at present.
+    /// Whether the flight recorder adds to what it has kept at present.
     pub fn is_recording(&self) -> bool {
-        self.gateway.is_recording()
+        self.gateway.recorder().is_recording()
     }
 
     /// The motors, in the order of the wiring.

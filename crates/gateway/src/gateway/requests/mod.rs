@@ -84,7 +84,7 @@ impl Gateway {
             }
             Request::SetBaud(request) => {
                 self.links
-                    .get_mut(usize::from(ticket.link))
+                    .get_mut(ticket.link)
                     .map_or(Ok(()), |link| link.set_baud(request.baud))?;
                 Reply::SetBaud(done)
             }
@@ -185,7 +185,7 @@ impl Gateway {
                 Reply::RunCycle(done)
             }
             Request::Subscribe(request) => {
-                if let Some(link) = self.links.get_mut(usize::from(ticket.link)) {
+                if let Some(link) = self.links.get_mut(ticket.link) {
                     link.subscribe(now.as_micros(), request)?;
                     self.watch();
                 }

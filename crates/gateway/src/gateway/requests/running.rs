@@ -208,6 +208,6 @@ impl Gateway {
             event.slow = slow.map(|axis| axis.slow_state(now, running.fields));
             running.slow_axis = slow.map_or(u8::MAX, |axis| axis.index);
         }
-        links.get_mut(usize::from(link))?.cycle_event(now.as_micros(), &event, out)
+        links.get_mut(link)?.cycle_event(now.as_micros(), &event, out)
     }
 }

@@ -1,0 +1,14 @@
+//! The core as it is recorded, and the memory of the recorder.
+
+#[cfg(has_flight_recorder)]
+mod memory;
+#[cfg(not(has_flight_recorder))]
+#[path = "flight/no_memory.rs"]
+mod memory;
+
+use flight_recorder::Recorded;
+
+pub use memory::{Memory, take};
+
+/// The core, and the recorder that is told of each call to it.
+pub type Core = Recorded<Memory>;
