@@ -1,6 +1,8 @@
 //! What only the STM32H743 has: revisions, a RAM that DMA does not reach, a USB controller with two
 //! ways out.
 
+mod flight;
+
 use std::ops::Range;
 use std::time::Duration;
 
@@ -20,7 +22,7 @@ use crate::silicon::START;
 /// The RAM that revision Y reads wrong unless it is told otherwise.
 const AXI_SRAM: Watch = Watch::Writes { address: 0x2400_0000, length: 512 << 10 };
 /// The buffers of DMA lie there, the data behind the stack in the DTCM.
-const DMA_REGION: Range<u32> = 0x2400_0000..0x2408_0000;
+const DMA_REGION: Range<u32> = 0x2400_0000..0x2404_0000;
 const DATA: Range<u64> = 0x2000_C000..0x2002_0000;
 /// Of the stack, where it never reaches.
 const IN_DTCM: u32 = 0x2000_0100;
