@@ -20,6 +20,9 @@ const BUSES: u8 = 2;
 const BITRATES: &[u32] = &[1_000_000];
 /// A frame and its reply, µs.
 const EXCHANGE_US: u64 = 260;
+/// How long an answer is waited for, in steps of so many µs.
+const MOST_STEPS: u32 = 1_000;
+const STEP_US: u64 = 1_000;
 /// What a setpoint lives, µs.
 const TTL_US: u64 = 90_000;
 
@@ -59,7 +62,7 @@ impl Bench {
         let mut bench = Self::idle();
         for axis in 0..AXES {
             let reply = bench.ask(&Request::Arm(requests::Arm { axis }));
-            let Some(Reply::Arm(replies::Armed { epoch, .. })) = reply else { panic!("{reply:?}") };
+            let Reply::Arm(replies::Armed { epoch, .. }) = reply else { panic!("{reply:?}") };
             bench.epochs[usize::from(axis)] = epoch;
         }
         for axis in 0..AXES {
@@ -131,16 +134,26 @@ impl Bench {
     }
 
     /// Sends a request and plays the motors until it is answered.
-    fn ask(&mut self, request: &Request) -> Option<Reply> {
+    fn ask(&mut self, request: &Request) -> Reply {
         let frame = self.encode(request);
         self.told.clear();
         self.handle(Event::HostBytes { link: 0, bytes: &frame });
         self.settle();
+        for _ in 0..MOST_STEPS {
+            if let Some(reply) = self.reply() {
+                return reply;
+            }
+            self.run(STEP_US);
+        }
+        panic!("{request:?} is not answered");
+    }
+
+    /// The reply to the latest request, if the host has been told it.
+    fn reply(&self) -> Option<Reply> {
         let mut deframer = Deframer::new();
-        let told = std::mem::take(&mut self.told);
-        told.iter().find_map(|byte| {
+        self.told.iter().find_map(|byte| {
             let frame = deframer.push(*byte)?.expect("whole frames");
-            assert_ne!(frame.kind, Kind::Error, "{request:?} {frame:?}");
+            assert_ne!(frame.kind, Kind::Error, "{frame:?}");
             (frame.kind == Kind::Reply && frame.sequence == self.sequence)
                 .then(|| Reply::decode(frame.number, frame.body).expect("a reply"))
         })
