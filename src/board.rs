@@ -34,4 +34,4 @@ pub use nucleo_h743zi::{
 /// Version of the firmware.
 pub const FIRMWARE: &str = env!("CARGO_PKG_VERSION");
 /// The commit, as build.rs found it.
-const BUILD_ID: &str = env!("GATEWAY_BUILD_ID");
+pub const BUILD_ID: &str = env!("GATEWAY_BUILD_ID");

@@ -34,7 +34,7 @@ unsafe extern "C" {
 }
 
 /// What the image in the flash says of itself.
-fn header() -> Header {
+pub fn header() -> Header {
     // Safety: it is there. It may have been changed since it was compiled.
     let bytes = unsafe { (&raw const __image_header).read_volatile() };
     // What starts has one.

@@ -15,8 +15,8 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Ticker, Timer, with_timeout};
 use gateway::{
-    Board, BusSetup, Changes, Event, Found, Gateway, Images, Instant, Light, LogEntry, MAX_LINKS,
-    MAX_STORED_ROW, NextRow, Save, Store, Transmit,
+    Board, BusSetup, Changes, Event, FlightRead, Found, Gateway, Images, Instant, Light, LogEntry,
+    MAX_LINKS, MAX_STORED_ROW, NextRow, Save, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
 use host_protocol::replies::MAX_FLIGHT_RECORD_BYTES;
@@ -145,7 +145,10 @@ impl SharedGateway {
             flight: Signal::new(),
             is_bare,
         });
-        shared.with(|parts, _| parts.core.before_motion().init());
+        shared.with(|parts, _| {
+            parts.core.before_motion().init();
+            parts.core.recall();
+        });
         shared
     }
 
@@ -212,9 +215,8 @@ impl SharedGateway {
     #[inline(never)]
     pub fn go_on_with_flight(&self) -> bool {
         self.with(|parts, now| {
-            let mut page = [0; MAX_FLIGHT_RECORD_BYTES];
-            if let Some(result) = parts.core.read(now, &mut page) {
-                self.follow(parts, now, &Event::FlightRecord { result });
+            if let Some(read) = parts.core.take_flight_read() {
+                self.answer(parts, now, read);
             }
             parts.core.go_on(now)
         })
@@ -353,6 +355,14 @@ impl SharedGateway {
         while !self.save_some() {
             yield_now().await;
         }
+    }
+
+    /// Tells a host what the flight recorder has kept.
+    #[inline(never)]
+    fn answer(&self, parts: &mut Parts, now: Instant, read: FlightRead) {
+        let mut page = [0; MAX_FLIGHT_RECORD_BYTES];
+        let result = parts.core.read(now, read, &mut page);
+        self.follow(parts, now, &Event::FlightRecord { result });
     }
 
     /// The next frame for an RS485 bus.

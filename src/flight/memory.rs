@@ -4,16 +4,21 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::ops::Range;
 use core::ptr::{copy_nonoverlapping, from_ref};
+use core::sync::atomic::{Ordering, compiler_fence};
 
 use flight_recorder::Shelf;
 use gateway::Gateway;
-use host_protocol::BootReason;
+use host_protocol::{BootReason, CHECKSUM};
 
-use crate::board::FLIGHT_BYTES;
-use crate::retained;
+use crate::board::{BUILD_ID, FLIGHT_BYTES};
+use crate::{image, retained};
 
 /// Bytes of calls in each half.
-const CALLS: usize = FLIGHT_BYTES / 2 - size_of::<Gateway>();
+const CALLS: usize = (FLIGHT_BYTES - size_of::<Remembered>()) / 2 - size_of::<Gateway>();
+/// What is remembered takes no more bytes.
+const REMEMBERED_BYTES: usize = 240;
+/// The memory has something to remember.
+const MARK: u32 = 0x4D47_4652;
 
 const _: () = assert!(align_of::<Gateway>() >= align_of::<u32>(), "it is copied in words");
 
@@ -24,9 +29,25 @@ struct Half {
     calls: [u8; CALLS],
 }
 
-const _: () = assert!(size_of::<[Half; 2]>() == FLIGHT_BYTES, "the region holds two");
+/// Where what was kept is found after a reset. The mark is written last, and makes the words before
+/// it whole (ST AN5342, ECC on RAM).
+#[repr(C, align(8))]
+struct Remembered {
+    length: u32,
+    checksum: u32,
+    bytes: [u8; REMEMBERED_BYTES],
+    mark: [u32; 2],
+}
 
-struct Place(UnsafeCell<MaybeUninit<[Half; 2]>>);
+#[repr(C)]
+struct Region {
+    halves: [Half; 2],
+    remembered: Remembered,
+}
+
+const _: () = assert!(size_of::<Region>() == FLIGHT_BYTES, "it fills the region");
+
+struct Place(UnsafeCell<MaybeUninit<Region>>);
 
 // Safety: `take` hands it out, once.
 unsafe impl Sync for Place {}
@@ -35,24 +56,40 @@ unsafe impl Sync for Place {}
 static PLACE: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
 
 /// The memory of the recorder.
-pub struct Memory(&'static mut [Half; 2]);
+pub struct Memory {
+    region: &'static mut Region,
+    /// It has outlived what started the processor.
+    is_kept: bool,
+}
 
 /// The memory, for the one recorder; once. Where its words may never have been written they are
 /// now: a byte in such a word would be read with a wrong code (RM0433, RAMECC).
 pub fn take(boot: BootReason) -> Memory {
     let place = PLACE.0.get();
-    if !retained::is_kept(boot) {
+    let is_kept = retained::is_kept(boot);
+    if !is_kept {
         // Safety: nobody refers to it yet.
         unsafe { place.write_bytes(0, 1) };
     }
-    // Safety: this is called once, at the start, so nobody else refers to it; bytes of calls may be
-    // any that were written, and of copies nothing is read before it is written.
-    Memory(unsafe { (*place).assume_init_mut() })
+    // Safety: this is called once, at the start, so nobody else refers to it; bytes of calls and
+    // what is remembered may be any that were written, and of copies nothing is read before it is
+    // written.
+    Memory { region: unsafe { (*place).assume_init_mut() }, is_kept }
+}
+
+/// Of what is remembered, and of who can read it: a copy is another build's where this is.
+fn checksum(bytes: &[u8]) -> u32 {
+    let mut digest = CHECKSUM.digest();
+    digest.update(BUILD_ID.as_bytes());
+    digest.update(&image::header().to_bytes());
+    digest.update(&size_of::<Gateway>().to_le_bytes());
+    digest.update(bytes);
+    digest.finalize()
 }
 
 impl Memory {
     fn half(&mut self, half: usize) -> &mut Half {
-        &mut self.0[half & 1]
+        &mut self.region.halves[half & 1]
     }
 }
 
@@ -62,7 +99,7 @@ impl Shelf for Memory {
     }
 
     fn read_calls(&self, half: usize) -> &[u8] {
-        &self.0[half & 1].calls
+        &self.region.halves[half & 1].calls
     }
 
     fn copy(&mut self, half: usize, core: &Gateway, bytes: Range<usize>) {
@@ -86,6 +123,28 @@ impl Shelf for Memory {
         // Safety: the recorder asks for a copy when each of its bytes has been copied between two
         // calls to the core, and no call since has changed what it had copied before. A core owns
         // nothing outside of itself, and nothing happens at its end: its bytes are another core.
-        Some(unsafe { self.0[half & 1].copy.assume_init_ref() })
+        Some(unsafe { self.region.halves[half & 1].copy.assume_init_ref() })
+    }
+
+    fn remember(&mut self, bytes: &[u8]) {
+        let remembered = &mut self.region.remembered;
+        remembered.mark = [0; 2];
+        compiler_fence(Ordering::SeqCst);
+        let Some(place) = remembered.bytes.get_mut(..bytes.len()) else { return };
+        place.copy_from_slice(bytes);
+        remembered.length = bytes.len() as u32;
+        remembered.checksum = checksum(bytes);
+        compiler_fence(Ordering::SeqCst);
+        remembered.mark = [MARK; 2];
+        self.is_kept = true;
+    }
+
+    fn remembered(&self) -> Option<&[u8]> {
+        let Remembered { length, checksum: kept, bytes, mark } = &self.region.remembered;
+        if !self.is_kept || *mark != [MARK; 2] {
+            return None;
+        }
+        let bytes = bytes.get(..*length as usize)?;
+        (checksum(bytes) == *kept).then_some(bytes)
     }
 }

@@ -4,13 +4,12 @@ use gateway::{Event, Gateway, Instant, Set, Transmit};
 use host_protocol::{CHECKSUM, CanFrame, MAX_FRAME};
 use serde::{Deserialize, Serialize};
 
-/// A call to a core that changes it.
+/// A call to a core that changes it. Left out are [`Gateway::take_changes`] and
+/// [`Gateway::next_deadline`]: they work out what the next call would have to.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Call<'a> {
     /// [`Gateway::handle`].
     Handle(#[serde(borrow)] Event<'a>),
-    /// [`Gateway::take_changes`].
-    TakeChanges,
     /// [`Gateway::poll_cancel`].
     PollCancel {
         /// Index of the bus.
@@ -21,8 +20,6 @@ pub enum Call<'a> {
         /// Index of the bus.
         bus: u8,
     },
-    /// [`Gateway::next_deadline`].
-    NextDeadline,
     /// [`Gateway::poll_host`].
     PollHost {
         /// Index of the link.
@@ -87,10 +84,8 @@ impl Call<'_> {
         let store = &mut |_, _| {};
         match *self {
             Self::Handle(event) => _ = core.handle(now, event, store),
-            Self::TakeChanges => _ = core.take_changes(),
             Self::PollCancel { bus } => _ = core.poll_cancel(now, bus),
             Self::PollTransmit { bus } => return core.poll_transmit(now, bus),
-            Self::NextDeadline => _ = core.next_deadline(),
             Self::PollHost { link } => _ = core.poll_host(link, &mut [0; MAX_FRAME], store),
             Self::SaveSome => _ = core.save_some(store),
             Self::TakeSave => _ = core.take_save(),
@@ -120,11 +115,9 @@ const CAN_RECEIVED: u8 = 1;
 const TRANSMITTED: u8 = 2;
 const HOST_BYTES: u8 = 3;
 const SERIAL_RECEIVED: u8 = 4;
-const TAKE_CHANGES: u8 = 5;
-const POLL_CANCEL: u8 = 6;
-const POLL_TRANSMIT: u8 = 7;
-const NEXT_DEADLINE: u8 = 8;
-const POLL_HOST: u8 = 9;
+const POLL_CANCEL: u8 = 5;
+const POLL_TRANSMIT: u8 = 6;
+const POLL_HOST: u8 = 7;
 const OTHER: u8 = 15;
 
 const KIND: u8 = 0x0F;
@@ -188,10 +181,8 @@ impl<'a> Call<'a> {
             Self::Handle(Event::Transmitted { bus, .. }) => (TRANSMITTED, bus, false),
             Self::Handle(Event::HostBytes { link, .. }) => (HOST_BYTES, link, false),
             Self::Handle(Event::SerialReceived { bus, .. }) => (SERIAL_RECEIVED, bus, false),
-            Self::TakeChanges => (TAKE_CHANGES, 0, true),
             Self::PollCancel { bus } => (POLL_CANCEL, bus, true),
             Self::PollTransmit { bus } => (POLL_TRANSMIT, bus, true),
-            Self::NextDeadline => (NEXT_DEADLINE, 0, true),
             Self::PollHost { link } => (POLL_HOST, link, true),
             _ => (OTHER, 0, false),
         };
@@ -255,10 +246,8 @@ impl<'a> Call<'a> {
             SERIAL_RECEIVED => {
                 Self::Handle(Event::SerialReceived { bus: index, bytes: bytes.take_long()? })
             }
-            TAKE_CHANGES => Self::TakeChanges,
             POLL_CANCEL => Self::PollCancel { bus: index },
             POLL_TRANSMIT => Self::PollTransmit { bus: index },
-            NEXT_DEADLINE => Self::NextDeadline,
             POLL_HOST => Self::PollHost { link: index },
             OTHER => {
                 let (call, rest) = postcard::take_from_bytes(bytes.0).ok()?;

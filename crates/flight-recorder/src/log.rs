@@ -2,9 +2,10 @@
 
 use crate::call::{Call, SAME_TIME};
 use gateway::{Instant, Set};
+use serde::{Deserialize, Serialize};
 
 /// What a half has.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Kept {
     /// `None` where it has no whole copy.
     pub number: Option<u32>,
@@ -32,8 +33,9 @@ pub enum Room {
 pub struct Log {
     /// When the last one was.
     last: Instant,
-    /// What was asked since anything changed: another time it changes nothing.
-    asked: Asked,
+    /// Links that have been polled since anything changed, and had nothing to send: another time
+    /// that changes nothing.
+    idle: Set,
 }
 
 impl Log {
@@ -43,17 +45,24 @@ impl Log {
 
     /// From a time on.
     pub const fn from(last: Instant) -> Self {
-        Self { last, asked: Asked::NOTHING }
+        Self { last, idle: Set::NONE }
     }
 
-    pub fn forget_asked(&mut self) {
-        self.asked = Asked::NOTHING;
+    /// Something has changed.
+    pub fn forget_idle(&mut self) {
+        self.idle = Set::NONE;
     }
 
     /// Whether a call may change something.
     #[inline(always)]
     pub fn is_news(&mut self, call: &Call<'_>) -> bool {
-        self.asked.take(call)
+        let Call::PollHost { link } = call else {
+            self.idle = Set::NONE;
+            return true;
+        };
+        let was_idle = self.idle.has(*link);
+        self.idle = self.idle.with(Set::of(*link));
+        !was_idle
     }
 
     /// Writes a call behind the others.
@@ -87,35 +96,5 @@ impl Log {
             }
             _ => false,
         }
-    }
-}
-
-/// What was asked: links by their number, and two more.
-#[derive(Debug, Clone, Copy)]
-struct Asked(u32);
-
-impl Asked {
-    const NOTHING: Self = Self(0);
-    const CHANGES: u32 = 1 << 31;
-    const DEADLINE: u32 = 1 << 30;
-
-    /// Takes a call; whether it may change something.
-    #[inline(always)]
-    fn take(&mut self, call: &Call<'_>) -> bool {
-        let one = match call {
-            Call::TakeChanges => Self::CHANGES,
-            Call::NextDeadline => Self::DEADLINE,
-            Call::PollHost { link } => Set::of(*link).bits(),
-            _ => {
-                *self = Self::NOTHING;
-                return true;
-            }
-        };
-        if self.0 & one != 0 {
-            return false;
-        }
-        // There may be other changes than were taken.
-        self.0 = self.0 & !Self::CHANGES | one;
-        true
     }
 }

@@ -30,6 +30,13 @@ impl<S: Shelf> Recorded<S> {
         &self.recorder
     }
 
+    /// After a start: takes what the recorder had kept before a reset, if its memory has outlived it.
+    pub fn recall(&mut self) {
+        if S::KEEPS {
+            self.recorder.recall();
+        }
+    }
+
     /// Another core begins on this board. What the recorder has kept stays.
     pub fn restart(&mut self, core: Gateway) {
         self.recorder.restart();
@@ -63,13 +70,15 @@ impl<S: Shelf> Recorded<S> {
     /// Has the recorder look at what has come of the calls, and copy a part of the core where it
     /// wants a copy. Returns whether more is to be copied. When nothing more urgent is to do.
     pub fn go_on(&mut self, now: Instant) -> bool {
+        if !S::KEEPS {
+            return false;
+        }
         self.recorder.watch(&mut self.core, now);
         self.recorder.wants_copy() && self.recorder.copy_some(&mut self.core, now)
     }
 
     /// [`Gateway::take_changes`].
     pub fn take_changes(&mut self) -> Changes {
-        self.note(self.now, Call::TakeChanges);
         self.core.take_changes()
     }
 
@@ -87,7 +96,6 @@ impl<S: Shelf> Recorded<S> {
 
     /// [`Gateway::next_deadline`].
     pub fn next_deadline(&mut self) -> Option<Instant> {
-        self.note(self.now, Call::NextDeadline);
         self.core.next_deadline()
     }
 
@@ -118,21 +126,31 @@ impl<S: Shelf> Recorded<S> {
         self.core.take_save()
     }
 
-    /// What a host asks the recorder for, and the answer, with its bytes in `out`, for
-    /// [`Event::FlightRecord`]. When nothing more urgent is to do.
+    /// [`Gateway::take_flight_read`].
+    pub fn take_flight_read(&mut self) -> Option<FlightRead> {
+        self.note(self.now, Call::TakeFlightRead);
+        self.core.take_flight_read()
+    }
+
+    /// The answer to that, for [`Event::FlightRecord`], with its bytes in `out`. When nothing more
+    /// urgent is to do.
+    ///
+    /// # Errors
+    /// See [`FlightReadError`].
     pub fn read<'a>(
         &mut self,
         now: Instant,
+        FlightRead { part, offset }: FlightRead,
         out: &'a mut [u8],
-    ) -> Option<Result<FlightPage<'a>, FlightReadError>> {
-        self.note(now, Call::TakeFlightRead);
-        let FlightRead { part, offset } = self.core.take_flight_read()?;
+    ) -> Result<FlightPage<'a>, FlightReadError> {
+        if !S::KEEPS {
+            return Err(FlightReadError::NoRecorder);
+        }
         self.recorder.watch(&mut self.core, now);
-        Some(match self.recorder.end() {
-            _ if !S::KEEPS => Err(FlightReadError::NoRecorder),
-            false => Err(FlightReadError::Recording),
-            true => Ok(self.recorder.page_of_trip(part, offset, out)),
-        })
+        if !self.recorder.end() {
+            return Err(FlightReadError::Recording);
+        }
+        Ok(self.recorder.page_of_trip(part, offset, out))
     }
 
     /// [`Gateway::take_log`].

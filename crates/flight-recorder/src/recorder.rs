@@ -10,6 +10,11 @@ use gateway::{FlightPage, Gateway, Instant, Part, Set};
 use heapless::Vec;
 use host_protocol::{Trip, TripReason};
 
+/// What a recorder must remember to find over a reset what it has kept: the trip, the halves, the
+/// one that was written last, and its number.
+type Remembered = (Option<(u8, Trip)>, [Kept; 2], u8, u32);
+/// It takes no more bytes.
+const REMEMBERED_BYTES: usize = 160;
 /// Parts before those of the copies: what a file begins with, and the calls of each half.
 const FIRST_PARTS: usize = 3;
 
@@ -101,10 +106,29 @@ impl<S: Shelf> Recorder<S> {
 
     fn wait(&mut self) {
         (self.state, self.wants_copy, self.copies) = (State::Waits, false, false);
+        self.remember();
     }
 
-    /// Keeps a call that is about to be made. What was asked and changes nothing another time is
-    /// kept once; a link that had something to send is told of by [`sent`](Self::sent).
+    /// After a start: takes what the run before has kept, if the memory has outlived it.
+    pub(crate) fn recall(&mut self) {
+        let found = self.shelf.remembered().map(postcard::from_bytes::<Remembered>);
+        if let Some(Ok((trip, halves, half @ 0..=1, number))) = found {
+            (self.trip, self.halves, self.half, self.number) = (trip, halves, half.into(), number);
+        }
+    }
+
+    /// Has the memory remember what is kept of a trip, or that there is none any more.
+    fn remember(&mut self) {
+        let half = u8::try_from(self.half).unwrap_or_default();
+        let state: Remembered = (self.trip, self.halves, half, self.number);
+        let mut bytes = [0; REMEMBERED_BYTES];
+        if let Ok(bytes) = postcard::to_slice(&state, &mut bytes) {
+            self.shelf.remember(bytes);
+        }
+    }
+
+    /// Keeps a call that is about to be made. That a link is polled which has had nothing to send is
+    /// kept once; one that had is told of by [`sent`](Self::sent).
     #[inline(always)]
     pub fn note(&mut self, now: Instant, call: &Call<'_>) {
         let is_kept = S::KEEPS && matches!(self.state, State::Records | State::Ends);
@@ -138,7 +162,7 @@ impl<S: Shelf> Recorder<S> {
 
     /// `poll_host` gave something: another time it may give more.
     pub fn sent(&mut self) {
-        self.log.forget_asked();
+        self.log.forget_idle();
     }
 
     /// Whether there is something to [watch](Self::watch), or to [copy](Self::copy_some).
@@ -149,7 +173,7 @@ impl<S: Shelf> Recorder<S> {
 
     /// Looks at what has come of the calls so far. It takes its time: the stops go first.
     pub fn watch(&mut self, core: &mut Gateway, now: Instant) {
-        if let Some(outcome) = Outcome::behind(core, self.outcome).filter(|_| S::KEEPS) {
+        if let Some(outcome) = Outcome::behind(core, self.outcome) {
             self.came(core, now, outcome);
         }
     }
@@ -165,15 +189,18 @@ impl<S: Shelf> Recorder<S> {
         match self.state {
             State::Waits if newly_armed => {
                 self.trip = None;
+                self.remember();
                 self.begin();
             }
             State::Ends if newly_armed => {
                 self.trip = None;
+                self.remember();
                 self.state = State::Records;
             }
             State::Records if new_trip.is_some() => {
                 // The stop is to be in it: where little room is left, a copy is wanted already.
                 self.trip = new_trip;
+                self.remember();
                 self.state = State::Ends;
             }
             State::Begins | State::Records if moving.is_empty() => self.wait(),
@@ -197,6 +224,8 @@ impl<S: Shelf> Recorder<S> {
             if let Some(half) = self.halves.get_mut(other) {
                 half.number = None;
             }
+            // Before anything of what it had is written over.
+            self.remember();
         }
         if let Some(bytes) = core.next_to_copy() {
             self.shelf.copy(other, core, bytes);

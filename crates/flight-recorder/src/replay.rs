@@ -87,15 +87,25 @@ impl<'a> Replay<'a> {
                         return Some(Err(Diverged { at }));
                     }
                 }
+                if matches!(call, Call::Handle(_)) {
+                    self.settle();
+                }
                 let transmit = call.make(&mut self.core, at);
                 return Some(Ok(Step { at, call, transmit }));
             }
             let half = self.next.take()?;
             self.calls = half.calls();
+            self.settle();
             let here = self.core.snapshot(self.scratch);
             if here.is_some_and(|here| here != self.next_copy) {
                 return Some(Err(Diverged { at: half.since }));
             }
         }
+    }
+
+    /// What every port asks after each event, and no call is kept of.
+    fn settle(&mut self) {
+        self.core.take_changes();
+        self.core.next_deadline();
     }
 }

@@ -22,6 +22,15 @@ pub trait Shelf {
 
     /// The copy. It is asked for when it is complete, and not once another has begun.
     fn copied(&self, half: usize) -> Option<&Gateway>;
+
+    /// Keeps these few bytes in the place of those before, where the memory outlives a reset.
+    fn remember(&mut self, _: &[u8]) {}
+
+    /// Those bytes, after a reset that the whole memory has outlived. `None` where it has not, or
+    /// another build may have written it.
+    fn remembered(&self) -> Option<&[u8]> {
+        None
+    }
 }
 
 /// No room.

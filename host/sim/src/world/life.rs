@@ -179,10 +179,10 @@ impl World {
 
     /// Answers a host that reads what the flight recorder has kept.
     pub(super) fn read_flight_record(&mut self) {
+        let Some(read) = self.gateway.take_flight_read() else { return };
         let mut page = [0; MAX_FLIGHT_RECORD_BYTES];
-        if let Some(result) = self.gateway.read(self.gateway_now(), &mut page) {
-            self.tell(Event::FlightRecord { result });
-        }
+        let result = self.gateway.read(self.gateway_now(), read, &mut page);
+        self.tell(Event::FlightRecord { result });
     }
 
     /// The level of the enable output.

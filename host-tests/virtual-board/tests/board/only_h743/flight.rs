@@ -44,21 +44,28 @@ fn tripped(fault: impl FnOnce(&mut Lab)) -> (u8, TripReason) {
     (axis, recorded.reason)
 }
 
+fn inject(axis: u8, injection: Injection) -> impl FnOnce(&mut Lab) {
+    move |lab| lab.outside.inject(&mut lab.machine.borrow_mut(), axis.into(), injection)
+}
+
 #[test]
-fn what_led_to_a_trip_of_each_kind_is_played_again_to_the_same_microsecond() {
-    let inject = |axis: u8, injection: Injection| {
-        move |lab: &mut Lab| {
-            lab.outside.inject(&mut lab.machine.borrow_mut(), axis.into(), injection);
-        }
-    };
-    for axis in AXES {
+fn what_led_to_a_trip_is_played_again_to_the_same_microsecond() {
+    let found = tripped(inject(RMD_RS485, Injection::Mute(true)));
+    assert_eq!(found, (RMD_RS485, TripReason::MotorSilent));
+    let (_, reason) = tripped(|lab| lab.stay(STOP));
+    assert_eq!(reason, TripReason::SetpointExpired);
+}
+
+/// A minute of a processor: by hand, with `-- --ignored`.
+#[test]
+#[ignore = "the kinds of trips that the test before leaves out"]
+fn what_led_to_a_trip_of_other_kinds_is_played_again_to_the_same_microsecond() {
+    for axis in [RMD, THRUSTER, D5] {
         let found = tripped(inject(axis, Injection::Mute(true)));
         assert_eq!(found, (axis, TripReason::MotorSilent));
     }
     let (_, reason) = tripped(|lab| lab.client.estop().expect("stopped"));
     assert_eq!(reason, TripReason::EStop);
-    let (_, reason) = tripped(|lab| lab.stay(STOP));
-    assert_eq!(reason, TripReason::SetpointExpired);
     let (axis, reason) =
         tripped(|lab| lab.machine.borrow_mut().wire_can(CanPort::Bus0, Wiring::Shorted));
     assert!(axis == RMD || axis == THRUSTER, "{axis}");
@@ -76,17 +83,26 @@ fn a_long_motion_keeps_the_latest_of_it_in_two_halves() {
     lab.keep(&holds, Duration::from_secs(4));
     lab.client.estop().expect("stopped");
     lab.stay(STOP);
-    let (halves, replayed_one) = replayed(&mut lab);
-    assert_eq!(halves, 2, "{replayed_one:?}");
-    let (from, to) = replayed_one.span_us;
-    println!("the last {} ms of it, {} calls", (to - from) / 1_000, replayed_one.calls);
-    assert!(to - from > 300_000, "{replayed_one:?}");
-    // It stays until an axis is armed again.
-    assert_eq!(replayed(&mut lab), (halves, replayed_one));
+    let first = &replayed(&mut lab);
+    let (halves, kept) = first;
+    assert_eq!(*halves, 2, "{kept:?}");
+    let (from, to) = kept.span_us;
+    println!("the last {} ms of it, {} calls", (to - from) / 1_000, kept.calls);
+    assert!(to - from > 300_000, "{kept:?}");
+    // It stays until an axis is armed again, also over a reset.
+    assert_eq!(&replayed(&mut lab), first);
+    lab.machine.borrow_mut().reset_by_pin();
+    lab.run_for(Duration::from_millis(500));
+    lab.client.reconnect().expect("hello");
+    assert_eq!(&replayed(&mut lab), first);
     lab.client.clear(ClearTarget::Gateway).expect("cleared");
     lab.client.clear(ClearTarget::Axis(RMD_RS485)).expect("cleared");
     lab.arm(&[RMD_RS485]);
     lab.client.stop(StopTarget::All).expect("stopped");
     lab.stay(STOP);
+    assert_eq!(lab.client.flight_record().expect("it is read"), None);
+    lab.machine.borrow_mut().reset_by_pin();
+    lab.run_for(Duration::from_millis(500));
+    lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.flight_record().expect("it is read"), None);
 }
