@@ -40,6 +40,8 @@ pub enum Call<'a> {
 /// What has come of the calls so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Outcome {
+    /// The axes that are [armed](Gateway::armed).
+    pub(crate) armed: Set,
     /// The axes that [move](Gateway::moving).
     pub(crate) moving: Set,
     /// The axes that [have tripped](Gateway::tripped).
@@ -52,7 +54,7 @@ pub struct Outcome {
 const TRIP_BYTES: usize = 64;
 
 impl Outcome {
-    /// Whether axes move or have tripped that did not when this had come.
+    /// Whether other axes are armed, move or have tripped than when this had come.
     #[inline(always)]
     pub(crate) fn has_changed(core: &Gateway, before: Option<Self>) -> bool {
         before
@@ -61,7 +63,7 @@ impl Outcome {
 
     /// Of the calls to this core, when this had come of those before; `None` where the same has.
     pub(crate) fn behind(core: &Gateway, before: Option<Self>) -> Option<Self> {
-        let (moving, tripped) = (core.moving(), core.tripped());
+        let (armed, moving, tripped) = (core.armed(), core.moving(), core.tripped());
         if !Self::has_changed(core, before) {
             return None;
         }
@@ -73,7 +75,7 @@ impl Outcome {
             let mut bytes = [0; TRIP_BYTES];
             digest.update(postcard::to_slice(&why, &mut bytes).map_or(&[], |bytes| bytes));
         }
-        Some(Self { moving, tripped, trips: digest.finalize() })
+        Some(Self { armed, moving, tripped, trips: digest.finalize() })
     }
 }
 

@@ -179,11 +179,11 @@ impl<S: Shelf> Recorder<S> {
     }
 
     fn came(&mut self, core: &mut Gateway, now: Instant, outcome: Outcome) {
-        let Outcome { moving, tripped, .. } = outcome;
+        let Outcome { armed, moving, tripped, .. } = outcome;
         let before = self.outcome.replace(outcome);
-        let (moved, had_tripped) =
-            before.map_or((Set::NONE, Set::NONE), |seen| (seen.moving, seen.tripped));
-        let newly_armed = !moving.without(moved).is_empty();
+        let (were_armed, had_tripped) =
+            before.map_or((Set::NONE, Set::NONE), |seen| (seen.armed, seen.tripped));
+        let newly_armed = !armed.without(were_armed).is_empty();
         let new_trip = new_trip(core, tripped.without(had_tripped));
         self.note(now, &Call::Came(outcome));
         match self.state {

@@ -173,6 +173,12 @@ impl Gateway {
         self.axes.which(Is::Moving).without(self.tripped())
     }
 
+    /// Those of them that are not stopping.
+    #[must_use]
+    pub fn armed(&self) -> Set {
+        self.axes.which(Is::Moving).without(self.axes.which(Is::Stopping))
+    }
+
     /// The axes that have tripped and have not been cleared, as of the latest event.
     #[must_use]
     pub fn tripped(&self) -> Set {

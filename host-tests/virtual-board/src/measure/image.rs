@@ -7,6 +7,9 @@ const NAMES: &str = ".comment";
 /// How the Rust compiler's begins.
 const RUSTC: &str = "rustc ";
 
+/// The section of the flight recorder's memory.
+const FLIGHT_RECORDER: &str = ".flight";
+
 /// Facts of an ELF file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct ImageFacts {
@@ -14,7 +17,8 @@ pub(super) struct ImageFacts {
     pub(super) compiler: String,
     /// Bytes of flash.
     pub(super) flash: u64,
-    /// Bytes of RAM that are taken before the program runs, without the stack.
+    /// Bytes of RAM that are taken before the program runs, without the stack and the memory of the
+    /// flight recorder, which is all that its region has.
     pub(super) static_ram: u64,
 }
 
@@ -35,7 +39,8 @@ impl ImageFacts {
             if section.kind() != SectionKind::UninitializedData {
                 flash += section.size();
             }
-            if sh_flags & u64::from(elf::SHF_WRITE) != 0 {
+            let is_recorder = section.name() == Ok(FLIGHT_RECORDER);
+            if sh_flags & u64::from(elf::SHF_WRITE) != 0 && !is_recorder {
                 static_ram += section.size();
             }
         }

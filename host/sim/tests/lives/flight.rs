@@ -67,5 +67,16 @@ fn what_may_still_trip_is_recorded_to_its_end() {
     rig.client.stop(StopTarget::All).unwrap();
     rig.client.pause(Duration::from_millis(500)).unwrap();
     let file = rig.client.flight_record().unwrap().expect("it has kept the trip");
-    assert_eq!(Recording::read_file(&file).unwrap().trip.map(|(axis, _)| axis), Some(0));
+    let trip = Recording::read_file(&file).unwrap().trip;
+    assert_eq!(trip.map(|(axis, _)| axis), Some(0));
+    // What stops was not armed: it stays, whoever stops what stands, and however often.
+    rig.client.stop(StopTarget::All).unwrap();
+    rig.client.pause(Duration::from_millis(500)).unwrap();
+    assert_eq!(rig.client.flight_record().unwrap(), Some(file.clone()));
+    rig.world.borrow_mut().reset(BootReason::Watchdog, "");
+    rig.silence(1_000);
+    rig.client.reconnect().unwrap();
+    rig.client.stop(StopTarget::All).unwrap();
+    rig.client.pause(Duration::from_millis(500)).unwrap();
+    assert_eq!(rig.client.flight_record().unwrap(), Some(file));
 }
