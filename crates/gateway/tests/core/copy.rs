@@ -3,6 +3,7 @@
 
 use crate::rig::Rig;
 use gateway::{Event, Gateway, Instant, MAX_AXES, MAX_BUSES, MAX_LINKS, MAX_SNAPSHOT, Part};
+use host_protocol::{MAX_FRAME, Request, requests};
 use std::ops::Range;
 
 /// The parts of a snapshot that are copied one by one.
@@ -58,14 +59,20 @@ impl Copy {
 }
 
 #[test]
-fn what_an_event_does_not_touch_is_not_copied_again() {
+fn what_a_call_does_not_touch_is_not_copied_again() {
     let Rig { mut gateway, now_us, .. } = Rig::new();
     let now = Instant::from_micros(now_us);
+    let copied = |gateway: &mut Gateway| std::iter::from_fn(|| gateway.next_to_copy()).count();
     gateway.begin_copy();
-    while gateway.next_to_copy().is_some() {}
+    assert_eq!(copied(&mut gateway), MAX_AXES + MAX_LINKS);
     gateway.handle(now, Event::Tick, &mut |_, _| {});
-    assert!(!gateway.has_more_to_copy());
-    gateway.handle(now, Event::HostBytes { link: 1, bytes: &[0] }, &mut |_, _| {});
-    assert!(gateway.next_to_copy().is_some());
-    assert!(!gateway.has_more_to_copy());
+    assert_eq!(copied(&mut gateway), 0);
+    let hello = requests::Hello { protocol_major: 1, protocol_minor: 0, session: 7 };
+    let mut frame = [0; MAX_FRAME];
+    let length = Request::Hello(hello).encode_frame(1, &mut frame).unwrap();
+    let bytes = &frame[..length];
+    gateway.handle(now, Event::HostBytes { link: 1, bytes }, &mut |_, _| {});
+    assert_eq!(copied(&mut gateway), 1);
+    assert!(gateway.poll_host(1, &mut [0; MAX_FRAME], &mut |_, _| {}).is_some());
+    assert_eq!(copied(&mut gateway), 1);
 }
