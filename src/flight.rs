@@ -8,7 +8,7 @@ mod memory;
 
 use flight_recorder::Recorded;
 
-pub use memory::{Memory, take};
+pub use memory::{Memory, start, take};
 
 /// The core, and the recorder that is told of each call to it.
 pub type Core = Recorded<Memory>;

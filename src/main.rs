@@ -58,6 +58,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     let words = retained::start(boot);
     let is_bare = starts::count(boot);
     let words = if is_bare { words.without_the_run_before() } else { words };
+    let has_kept_flight = flight::start(boot, is_bare);
     // Not before the retained RAM can be read: a reset in between must find the same reason.
     board::forget_boot_reason();
     let crash_report = crash_report::take(boot, is_bare);
@@ -78,7 +79,8 @@ async fn main(spawner: embassy_executor::Spawner) {
         );
     }
     // Where there is none, nothing is armed, and the core says so.
-    let gateway = SharedGateway::place(description, random::number(), words, is_bare);
+    let gateway =
+        SharedGateway::place(description, random::number(), words, is_bare, has_kept_flight);
     spawner.spawn(defmt::unwrap!(tasks::storage::storage(gateway)));
     gateway.has_started().await;
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor(gateway)));

@@ -121,10 +121,11 @@ impl SharedGateway {
         random_number: Option<u32>,
         kept: CoreWords,
         is_bare: bool,
+        has_kept_flight: bool,
     ) -> &'static Self {
         static BOARD: StaticCell<Board> = StaticCell::new();
         static SHARED: StaticCell<SharedGateway> = StaticCell::new();
-        let memory = flight::take(board.boot);
+        let memory = flight::take(has_kept_flight);
         let board = BOARD.init(board);
         let shared = SHARED.init_with(|| Self {
             parts: Mutex::new(RefCell::new(Parts {

@@ -33,7 +33,7 @@ struct Half {
 /// it whole (ST AN5342, ECC on RAM).
 #[repr(C, align(8))]
 struct Remembered {
-    length: u32,
+    length: usize,
     checksum: u32,
     bytes: [u8; REMEMBERED_BYTES],
     mark: [u32; 2],
@@ -62,19 +62,23 @@ pub struct Memory {
     is_kept: bool,
 }
 
-/// The memory, for the one recorder; once. Where its words may never have been written they are
-/// now: a byte in such a word would be read with a wrong code (RM0433, RAMECC).
-pub fn take(boot: BootReason) -> Memory {
-    let place = PLACE.0.get();
-    let is_kept = retained::is_kept(boot);
+/// Fills the memory where its words may never have been written: such a word is read with a wrong
+/// code (RM0433, RAMECC). Whether it has outlived what started the processor. Once, before the reason
+/// of this start is forgotten: a reset in between must find the same.
+pub fn start(boot: BootReason, is_bare: bool) -> bool {
+    let is_kept = retained::is_kept(boot) && !is_bare;
     if !is_kept {
         // Safety: nobody refers to it yet.
-        unsafe { place.write_bytes(0, 1) };
+        unsafe { PLACE.0.get().write_bytes(0, 1) };
     }
-    // Safety: this is called once, at the start, so nobody else refers to it; bytes of calls and
-    // what is remembered may be any that were written, and of copies nothing is read before it is
-    // written.
-    Memory { region: unsafe { (*place).assume_init_mut() }, is_kept }
+    is_kept
+}
+
+/// The memory, for the one recorder; once. `is_kept`: as [`start`] has said.
+pub fn take(is_kept: bool) -> Memory {
+    // Safety: this is called once, so nobody else refers to it; bytes of calls and what is
+    // remembered may be any that were written, and of copies nothing is read before it is written.
+    Memory { region: unsafe { (*PLACE.0.get()).assume_init_mut() }, is_kept }
 }
 
 /// Of what is remembered, and of who can read it: a copy is another build's where this is.
@@ -82,7 +86,9 @@ fn checksum(bytes: &[u8]) -> u32 {
     let mut digest = CHECKSUM.digest();
     digest.update(BUILD_ID.as_bytes());
     digest.update(&image::header().to_bytes());
-    digest.update(&size_of::<Gateway>().to_le_bytes());
+    // Builds of changed sources have the same name: where a part of them lies tells most apart.
+    let places = [size_of::<Gateway>(), Gateway::handle as *const () as usize];
+    places.iter().for_each(|place| digest.update(&place.to_le_bytes()));
     digest.update(bytes);
     digest.finalize()
 }
@@ -132,7 +138,7 @@ impl Shelf for Memory {
         compiler_fence(Ordering::SeqCst);
         let Some(place) = remembered.bytes.get_mut(..bytes.len()) else { return };
         place.copy_from_slice(bytes);
-        remembered.length = bytes.len() as u32;
+        remembered.length = bytes.len();
         remembered.checksum = checksum(bytes);
         compiler_fence(Ordering::SeqCst);
         remembered.mark = [MARK; 2];
@@ -144,7 +150,7 @@ impl Shelf for Memory {
         if !self.is_kept || *mark != [MARK; 2] {
             return None;
         }
-        let bytes = bytes.get(..*length as usize)?;
+        let bytes = bytes.get(..*length)?;
         (checksum(bytes) == *kept).then_some(bytes)
     }
 }

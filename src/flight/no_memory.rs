@@ -6,7 +6,12 @@ use host_protocol::BootReason;
 /// There is none.
 pub type Memory = NoShelf;
 
+/// Nothing is kept.
+pub fn start(_: BootReason, _: bool) -> bool {
+    false
+}
+
 /// None.
-pub fn take(_: BootReason) -> Memory {
+pub fn take(_: bool) -> Memory {
     NoShelf
 }

@@ -37,9 +37,9 @@ impl<S: Shelf> Recorded<S> {
         }
     }
 
-    /// Another core begins on this board. What the recorder has kept stays.
-    pub fn restart(&mut self, core: Gateway) {
-        self.recorder.restart();
+    /// Another core begins on this board. What the recorder has kept stays, where `keeps` says so.
+    pub fn restart(&mut self, core: Gateway, keeps: bool) {
+        self.recorder.restart(keeps);
         (self.core, self.now) = (core, Instant::from_micros(0));
     }
 

@@ -8,11 +8,16 @@ use crate::shelf::Shelf;
 use crate::window;
 use gateway::{FlightPage, Gateway, Instant, Part, Set};
 use heapless::Vec;
-use host_protocol::{Trip, TripReason};
+use host_protocol::{BootReason, Trip, TripReason};
 
 /// What a recorder must remember to find over a reset what it has kept: the trip, the halves, the
-/// one that was written last, and its number.
-type Remembered = (Option<(u8, Trip)>, [Kept; 2], u8, u32);
+/// one that was written last, its number, and the run.
+type Remembered = (Option<(u8, Trip)>, [Kept; 2], u8, u32, Run);
+/// Of the run that was recorded, what the next one's board tells otherwise: why it was started, and
+/// whether the one before it had left a crash report. Its hosts were told so.
+type Run = (BootReason, bool);
+/// What stands for the text of that report, which no host is told unasked.
+const A_CRASH_REPORT: &str = "that of the run that was recorded";
 /// It takes no more bytes.
 const REMEMBERED_BYTES: usize = 160;
 /// Parts before those of the copies: what a file begins with, and the calls of each half.
@@ -35,6 +40,10 @@ pub struct Recorder<S> {
     number: u32,
     /// The first axis that tripped, and its trip.
     trip: Option<(u8, Trip)>,
+    /// The run that was recorded, if it was not this one.
+    run_before: Option<Run>,
+    /// What the memory remembers is to be written anew.
+    is_forgetful: bool,
     log: Log,
     /// What was seen at the last look.
     outcome: Option<Outcome>,
@@ -68,6 +77,8 @@ impl<S: Shelf> Recorder<S> {
             half: 0,
             number: 0,
             trip: None,
+            run_before: None,
+            is_forgetful: false,
             log: Log::new(),
             outcome: None,
         }
@@ -91,36 +102,50 @@ impl<S: Shelf> Recorder<S> {
     /// Adds nothing more to what is kept of a trip, so that it can be read piece by piece. Whether
     /// that is so: not while an axis moves that may trip.
     pub fn end(&mut self) -> bool {
-        let moves = self.outcome.is_some_and(|outcome| !outcome.moving.is_empty());
-        if self.state == State::Ends && !moves {
+        if self.outcome.is_some_and(|outcome| !outcome.moving.is_empty()) {
+            return false;
+        }
+        if self.state == State::Ends {
             self.wait();
         }
         self.state == State::Waits
     }
 
-    /// Another core begins.
-    pub(crate) fn restart(&mut self) {
+    /// Another core begins, and the memory has kept what it had, or not.
+    pub(crate) fn restart(&mut self, keeps: bool) {
         self.wait();
+        if !keeps {
+            (self.trip, self.halves) = (None, [Kept::NOTHING; 2]);
+        }
         (self.outcome, self.log) = (None, Log::new());
     }
 
     fn wait(&mut self) {
         (self.state, self.wants_copy, self.copies) = (State::Waits, false, false);
-        self.remember();
+        // Not here: a stop may follow.
+        self.is_forgetful = true;
     }
 
     /// After a start: takes what the run before has kept, if the memory has outlived it.
     pub(crate) fn recall(&mut self) {
         let found = self.shelf.remembered().map(postcard::from_bytes::<Remembered>);
-        if let Some(Ok((trip, halves, half @ 0..=1, number))) = found {
+        if let Some(Ok((trip, halves, half @ 0..=1, number, run))) = found {
             (self.trip, self.halves, self.half, self.number) = (trip, halves, half.into(), number);
+            self.run_before = Some(run);
         }
+    }
+
+    /// The run that was recorded.
+    fn run(&self) -> Run {
+        let board = |(half, _): (usize, Kept)| self.shelf.copied(half).map(Gateway::board);
+        let board = self.kept().last().and_then(board).unwrap_or_default();
+        self.run_before.unwrap_or((board.boot, !board.crash_report.is_empty()))
     }
 
     /// Has the memory remember what is kept of a trip, or that there is none any more.
     fn remember(&mut self) {
         let half = u8::try_from(self.half).unwrap_or_default();
-        let state: Remembered = (self.trip, self.halves, half, self.number);
+        let state: Remembered = (self.trip, self.halves, half, self.number, self.run());
         let mut bytes = [0; REMEMBERED_BYTES];
         if let Ok(bytes) = postcard::to_slice(&state, &mut bytes) {
             self.shelf.remember(bytes);
@@ -168,13 +193,17 @@ impl<S: Shelf> Recorder<S> {
     /// Whether there is something to [watch](Self::watch), or to [copy](Self::copy_some).
     #[inline(always)]
     pub fn is_due(&self, core: &Gateway) -> bool {
-        S::KEEPS && (self.wants_copy || Outcome::has_changed(core, self.outcome))
+        let wants = self.wants_copy || self.is_forgetful;
+        S::KEEPS && (wants || Outcome::has_changed(core, self.outcome))
     }
 
     /// Looks at what has come of the calls so far. It takes its time: the stops go first.
     pub fn watch(&mut self, core: &mut Gateway, now: Instant) {
         if let Some(outcome) = Outcome::behind(core, self.outcome) {
             self.came(core, now, outcome);
+        }
+        if core::mem::take(&mut self.is_forgetful) {
+            self.remember();
         }
     }
 
@@ -188,12 +217,12 @@ impl<S: Shelf> Recorder<S> {
         self.note(now, &Call::Came(outcome));
         match self.state {
             State::Waits if newly_armed => {
-                self.trip = None;
+                (self.trip, self.run_before) = (None, None);
                 self.remember();
                 self.begin();
             }
             State::Ends if newly_armed => {
-                self.trip = None;
+                (self.trip, self.run_before) = (None, None);
                 self.remember();
                 self.state = State::Records;
             }
@@ -230,10 +259,10 @@ impl<S: Shelf> Recorder<S> {
         if let Some(bytes) = core.next_to_copy() {
             self.shelf.copy(other, core, bytes);
         }
+        core.settle_all();
         if core.has_more_to_copy() {
             return true;
         }
-        core.settle_all();
         self.shelf.complete(other, core);
         self.number = self.number.wrapping_add(1);
         if let Some(half) = self.halves.get_mut(other) {
@@ -291,7 +320,11 @@ impl<S: Shelf> Recorder<S> {
                 };
                 let halves: Vec<HalfHead, 2> = self.kept().map(half).collect();
                 let core = self.kept().last().and_then(|(half, _)| self.shelf.copied(half));
-                let board = RecordedBoard::from(core.map(Gateway::board).unwrap_or_default());
+                let mut board = RecordedBoard::from(core.map(Gateway::board).unwrap_or_default());
+                if let Some((boot, has_report)) = self.run_before {
+                    board.boot = boot;
+                    board.crash_report = if has_report { A_CRASH_REPORT } else { "" };
+                }
                 let head = Head { trip: self.trip, halves, board };
                 window::encode(&(MARK, head), offset, out)
             }

@@ -425,7 +425,7 @@ wire! {
     #[derive(Copy, Eq)]
     pub struct ReadCrashReport {}
 
-    /// Asks for bytes of what the flight recorder has kept of the latest trip. Not while it
+    /// Asks for bytes of what the flight recorder has kept of a trip. Not while it
     /// records, and after a trip it records no more once it has been read.
     #[derive(Copy, Eq)]
     pub struct ReadFlightRecord {

@@ -1,4 +1,4 @@
-//! What the gateway's flight recorder has kept of the latest trip.
+//! What the gateway's flight recorder has kept of a trip.
 
 use std::time::Duration;
 
@@ -17,11 +17,13 @@ const BUSY_PAUSE: Duration = Duration::from_millis(5);
 const BUSY_FOR: Duration = Duration::from_secs(3);
 /// So often it is read from the beginning, where something else is kept meanwhile.
 const READINGS: usize = 3;
+/// All of it is read within this time, on the slowest of links.
+const READ_WITHIN: Duration = Duration::from_secs(120);
 /// More than any gateway has memory, bytes.
 const MOST: usize = 64 << 20;
 
 impl<T: Transport> Client<T> {
-    /// What the flight recorder has kept of the latest trip, as the file that `mgw replay` plays;
+    /// What the flight recorder has kept of a trip, as the file that `mgw replay` plays;
     /// `None` where it has kept nothing. A recorder that still adds to it does so no more.
     ///
     /// # Errors
@@ -46,13 +48,15 @@ impl<T: Transport> Client<T> {
         let mut page = self.flight_record_page(0, 0)?;
         let (id, parts) = (page.id, page.parts);
         let mut bytes = Vec::new();
+        let end = self.now() + READ_WITHIN;
         for part in 0..parts {
             let begin = bytes.len();
             let length = page.length;
             loop {
                 bytes.extend_from_slice(&page.bytes);
                 let read = bytes.len() - begin;
-                let is_over = read as u64 > length.into() || bytes.len() > MOST;
+                let is_late = self.now() > end;
+                let is_over = read as u64 > length.into() || bytes.len() > MOST || is_late;
                 // What does not advance, or goes on for too long, is no answer.
                 if is_over || page.bytes.is_empty() && length > 0 {
                     let (request, number) = ("ReadFlightRecord", ask::ReadFlightRecord::NUMBER);

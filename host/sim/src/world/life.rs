@@ -88,7 +88,8 @@ impl World {
     /// alone; after `PowerOn` or `Brownout` nothing. `crash_report`: what its firmware kept
     /// behind.
     pub fn reset(&mut self, boot: BootReason, crash_report: &'static str) {
-        if matches!(boot, BootReason::PowerOn | BootReason::Brownout) {
+        let has_lost_power = matches!(boot, BootReason::PowerOn | BootReason::Brownout);
+        if has_lost_power {
             self.life.words.clear();
         }
         let now = self.now;
@@ -102,7 +103,8 @@ impl World {
         };
         let board = Board { boot, crash_report, firmware, ..*self.life.board };
         let board = Box::leak(Box::new(board));
-        self.gateway.restart(Gateway::new(board, self.life.take_random_number()));
+        let gateway = Gateway::new(board, self.life.take_random_number());
+        self.gateway.restart(gateway, !has_lost_power);
         (self.life.started, self.life.hangs, self.life.links_are_open) = (now, false, false);
         self.not_before = now;
         if let Some(images) = images {

@@ -79,4 +79,8 @@ fn what_may_still_trip_is_recorded_to_its_end() {
     rig.client.stop(StopTarget::All).unwrap();
     rig.client.pause(Duration::from_millis(500)).unwrap();
     assert_eq!(rig.client.flight_record().unwrap(), Some(file));
+    rig.world.borrow_mut().reset(BootReason::PowerOn, "");
+    rig.silence(1_000);
+    rig.client.reconnect().unwrap();
+    assert_eq!(rig.client.flight_record().unwrap(), None);
 }
