@@ -16,10 +16,10 @@ type Remembered = (Option<(u8, Trip)>, [Kept; 2], u8, u32, Run);
 /// Of the run that was recorded, what the next one's board tells otherwise: why it was started, and
 /// whether the one before it had left a crash report. Its hosts were told so.
 type Run = (BootReason, bool);
+/// [`Remembered`] takes no more bytes.
+const REMEMBERED_BYTES: usize = 160;
 /// What stands for the text of that report, which no host is told unasked.
 const A_CRASH_REPORT: &str = "that of the run that was recorded";
-/// It takes no more bytes.
-const REMEMBERED_BYTES: usize = 160;
 /// Parts before those of the copies: what a file begins with, and the calls of each half.
 const FIRST_PARTS: usize = 3;
 
