@@ -57,8 +57,10 @@ impl Outcome {
     /// Whether other axes are armed, move or have tripped than when this had come.
     #[inline(always)]
     pub(crate) fn has_changed(core: &Gateway, before: Option<Self>) -> bool {
-        before
-            .is_none_or(|before| (before.moving, before.tripped) != (core.moving(), core.tripped()))
+        before.is_none_or(|before| {
+            (before.armed, before.moving, before.tripped)
+                != (core.armed(), core.moving(), core.tripped())
+        })
     }
 
     /// Of the calls to this core, when this had come of those before; `None` where the same has.
@@ -131,7 +133,7 @@ const LONG: u16 = u16::MAX;
 /// Writes the first byte of a call, and the time; how many bytes these are, and what is left behind
 /// them.
 #[inline(always)]
-pub(crate) fn encode_head(first: u8, since_us: u64, out: &mut [u8]) -> Option<(usize, &mut [u8])> {
+fn encode_head(first: u8, since_us: u64, out: &mut [u8]) -> Option<(usize, &mut [u8])> {
     match u16::try_from(since_us) {
         Ok(0) => Some((1, put(out, [first | SAME_TIME])?)),
         Ok(short) if short != LONG => {
