@@ -6,7 +6,7 @@ use crate::file::{HalfHead, Head, MARK};
 use crate::log::{Kept, Log, Room};
 use crate::shelf::Shelf;
 use crate::window;
-use gateway::{FlightPage, Gateway, Instant, Part, Set};
+use gateway::{Board, FlightPage, Gateway, Instant, Part, Set};
 use heapless::Vec;
 use host_protocol::{BootReason, Trip, TripReason};
 
@@ -135,10 +135,15 @@ impl<S: Shelf> Recorder<S> {
         }
     }
 
+    /// The board of the copies.
+    fn board(&self) -> &'static Board {
+        let board = |(half, _): (usize, Kept)| self.shelf.copied(half).map(Gateway::board);
+        self.kept().last().and_then(board).unwrap_or_default()
+    }
+
     /// The run that was recorded.
     fn run(&self) -> Run {
-        let board = |(half, _): (usize, Kept)| self.shelf.copied(half).map(Gateway::board);
-        let board = self.kept().last().and_then(board).unwrap_or_default();
+        let board = self.board();
         self.run_before.unwrap_or((board.boot, !board.crash_report.is_empty()))
     }
 
@@ -259,7 +264,7 @@ impl<S: Shelf> Recorder<S> {
         if let Some(bytes) = core.next_to_copy() {
             self.shelf.copy(other, core, bytes);
         }
-        core.settle_all();
+        core.next_deadline();
         if core.has_more_to_copy() {
             return true;
         }
@@ -319,8 +324,7 @@ impl<S: Shelf> Recorder<S> {
                     calls: u32::try_from(kept.calls).unwrap_or(u32::MAX),
                 };
                 let halves: Vec<HalfHead, 2> = self.kept().map(half).collect();
-                let core = self.kept().last().and_then(|(half, _)| self.shelf.copied(half));
-                let mut board = RecordedBoard::from(core.map(Gateway::board).unwrap_or_default());
+                let mut board = RecordedBoard::from(self.board());
                 if let Some((boot, has_report)) = self.run_before {
                     board.boot = boot;
                     board.crash_report = if has_report { A_CRASH_REPORT } else { "" };

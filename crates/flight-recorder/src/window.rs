@@ -20,11 +20,7 @@ impl Flavor for Window<'_> {
     fn try_extend(&mut self, bytes: &[u8]) -> postcard::Result<()> {
         let begin = self.skip.saturating_sub(self.count);
         let at = (self.count + begin).saturating_sub(self.skip);
-        if let (Some(from), Some(to)) = (bytes.get(begin..), self.out.get_mut(at..)) {
-            for (to, from) in to.iter_mut().zip(from) {
-                *to = *from;
-            }
-        }
+        copy(bytes, begin, self.out.get_mut(at..).unwrap_or_default());
         self.count += bytes.len();
         Ok(())
     }

@@ -263,11 +263,6 @@ impl Axes {
         &mut self.stale
     }
 
-    /// Whether there is none of these.
-    pub fn is_copied(&self) -> bool {
-        self.stale.is_empty()
-    }
-
     /// Whether no axis may have changed since.
     pub fn is_settled(&self) -> bool {
         self.touched.is_empty()

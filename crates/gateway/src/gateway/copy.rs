@@ -31,8 +31,8 @@ impl Gateway {
     }
 
     /// Whether there is one.
-    pub fn has_more_to_copy(&self) -> bool {
-        !self.axes.is_copied() || !self.links.is_copied()
+    pub fn has_more_to_copy(&mut self) -> bool {
+        !self.axes.stale().is_empty() || !self.links.stale().is_empty()
     }
 
     /// Everything but the axes and the links.

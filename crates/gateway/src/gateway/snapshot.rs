@@ -37,7 +37,8 @@ impl<'a> Part<'a> {
     /// How many there are; that of a bus which the board lacks is empty.
     pub const COUNT: usize = 4 + MAX_AXES + MAX_BUSES + MAX_LINKS;
 
-    /// Each in its order. Between the calls of [`Gateway::settle_all`] and the next event.
+    /// Each in its order, when [`Gateway::next_deadline`] has worked out what the next event would
+    /// have to.
     pub fn of(gateway: &'a Gateway, index: usize) -> Option<Self> {
         (index < Self::COUNT).then_some(Self { gateway, index })
     }
@@ -121,18 +122,12 @@ impl Gateway {
         )
     }
 
-    /// Works out what the next call would have to. What the parts of a snapshot show, and what a
-    /// [copy](Self::begin_copy) of it shows, is then what this gateway goes on from.
-    pub fn settle_all(&mut self) {
-        self.next_deadline();
-    }
-
     /// Writes a snapshot to `out`, and returns the bytes that it takes; `None` where they are more.
     ///
     /// It is taken between two calls, and settles what the next one would have: this gateway goes
     /// on as the one that [resumes](Self::resume).
     pub fn snapshot<'a>(&mut self, out: &'a mut [u8]) -> Option<&'a [u8]> {
-        self.settle_all();
+        self.next_deadline();
         let mut length = 0;
         for part in (0..Part::COUNT).filter_map(|index| Part::of(self, index)) {
             length += postcard::to_slice(&part, out.get_mut(length..)?).ok()?.len();

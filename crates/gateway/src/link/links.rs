@@ -101,11 +101,6 @@ impl Links {
         &mut self.stale
     }
 
-    /// Whether there is none of these.
-    pub fn is_copied(&self) -> bool {
-        self.stale.is_empty()
-    }
-
     /// When [`Link::tick`] is due for the first of them; [`Instant::NEVER`] where it is for none.
     pub fn due(&mut self) -> Instant {
         let due = self.due.unwrap_or_else(|| self.work_out_due());
