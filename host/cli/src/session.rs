@@ -202,10 +202,11 @@ impl Session {
         loop {
             match self.client.read_state(axis) {
                 Ok(report) if !is_stopping(report.state) => return Ok(report),
-                // Another host is asking it.
-                Ok(_) | Err(ClientError::Gateway(Error::Busy { .. })) => {}
-                // The stop was taken, and nothing is heard of it.
-                Err(ClientError::NoAnswer { .. } | ClientError::Transport(_)) => {
+                // Another host is asking it, or the line loses what is asked.
+                Ok(_)
+                | Err(ClientError::Gateway(Error::Busy { .. }) | ClientError::NoAnswer { .. }) => {}
+                // The stop was taken, and nothing will be heard of it.
+                Err(ClientError::Transport(_)) => {
                     return Err(Failure::StopNotConfirmed { axis });
                 }
                 Err(error) => return Err(error.into()),

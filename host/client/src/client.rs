@@ -34,7 +34,7 @@ pub(crate) const REPEAT_MOVE_AFTER: Duration = Duration::from_millis(20);
 /// default link silence.
 pub const KEEP_ALIVE_AFTER: Duration = Duration::from_millis(80);
 /// By how much the latest expiry stays below what the gateway takes.
-const EXPIRY_MARGIN: Duration = Duration::from_millis(1);
+pub(crate) const EXPIRY_MARGIN: Duration = Duration::from_millis(1);
 
 /// A setpoint's expiry is never derived from a measure of the clock older than this: a ping comes
 /// first.

@@ -13,7 +13,7 @@ use host_protocol::{
     Setpoint, Setting, StateFields, StopTarget, Subject, Value,
 };
 
-use crate::client::{Client, DEADLINE, REPEAT_MOVE_AFTER};
+use crate::client::{Client, DEADLINE, EXPIRY_MARGIN, REPEAT_MOVE_AFTER};
 use crate::error::ClientError;
 use crate::stopping::REPEAT_STOP_AFTER;
 use crate::transport::Transport;
@@ -462,16 +462,25 @@ impl<T: Transport> Client<T> {
     }
 
     /// Asks with the latest expiry that the gateway may take, and if it lies too far ahead, with
-    /// one that does not: the gateway has then done nothing.
+    /// one that is so much earlier as it was too late: the gateway has then done nothing.
     fn once_permitted<R>(
         &mut self,
         ttl: Duration,
         mut ask: impl FnMut(&mut Self, u32) -> Result<R, ClientError>,
     ) -> Result<R, ClientError> {
         self.refresh_clock()?;
-        match ask(self, self.latest_expiry(ttl)) {
-            Err(ClientError::Gateway(Error::OutOfRange { quantity: Quantity::Expiry, .. })) => {
-                ask(self, self.expiry(ttl))
+        let expires_at_us = self.latest_expiry(ttl);
+        match ask(self, expires_at_us) {
+            Err(ClientError::Gateway(Error::OutOfRange {
+                quantity: Quantity::Expiry,
+                value,
+                max,
+                ..
+            })) => {
+                let excess_us = f64::from(value) - f64::from(max);
+                let excess = Duration::try_from_secs_f64(excess_us / 1e6).unwrap_or(ttl);
+                let earlier = u32::try_from((excess + EXPIRY_MARGIN).as_micros());
+                ask(self, expires_at_us.wrapping_sub(earlier.unwrap_or(u32::MAX / 2)))
             }
             answer => answer,
         }

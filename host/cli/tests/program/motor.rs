@@ -133,7 +133,7 @@ fn what_a_killed_command_has_lent_is_told_to_the_next_and_taken_back_by_its_file
 
 #[test]
 fn the_row_of_an_axis_follows_its_motor() {
-    let sim = unhurried(Sim::start());
+    let sim = Sim::patient();
     // What is known of a thruster's timeout comes and goes with its polls.
     let rows = || -> Vec<String> {
         let dump = sim.mgw(&["config", "dump"]).success();

@@ -16,7 +16,7 @@ use serde_json::Value;
 use crate::schema;
 
 /// No test waits longer than this for anything.
-pub const LIMIT: Duration = Duration::from_secs(60);
+pub const LIMIT: Duration = Duration::from_secs(180);
 
 /// What a run of the program left behind.
 #[derive(Debug)]
@@ -64,11 +64,25 @@ pub fn json(line: &str) -> Value {
     line
 }
 
+/// A folder that ends with its test.
+struct StateHome(PathBuf);
+
+impl Drop for StateHome {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
 /// Where the program keeps what it remembers: each test in a place of its own.
 pub fn state_home() -> PathBuf {
-    let test = format!("{:?}", thread::current().id());
-    let test = test.replace(['(', ')'], "-");
-    std::env::temp_dir().join(format!("mgw-state-{}-{test}", std::process::id()))
+    thread_local! {
+        static HOME: StateHome = {
+            let test = format!("{:?}", thread::current().id()).replace(['(', ')'], "-");
+            let name = format!("mgw-state-{}-{test}", std::process::id());
+            StateHome(std::env::temp_dir().join(name))
+        };
+    }
+    HOME.with(|home| home.0.clone())
 }
 
 /// The program, its pipes open.

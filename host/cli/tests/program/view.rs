@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket, client::client};
 
 use crate::flood::Flood;
-use crate::support::{LIMIT, Process, Sim, mgw};
+use crate::support::{LIMIT, Process, Sim, json, mgw};
 
 /// A page in command says this often that it is there.
 const BEAT: Duration = Duration::from_millis(50);
@@ -544,7 +544,7 @@ fn foxglove_reads_what_a_recording_has() {
 }
 
 #[test]
-fn a_flood_holds_up_no_stop_and_loses_nothing_that_is_recorded() {
+fn a_flood_holds_up_no_stop_and_what_is_not_recorded_is_counted() {
     let mut sim = Sim::patient();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let cable = format!("tcp:{}", listener.local_addr().unwrap());
@@ -583,23 +583,28 @@ fn a_flood_holds_up_no_stop_and_loses_nothing_that_is_recorded() {
         (message["event"] == "stop" && message["phase"] == "report").then_some(())
     });
     drop((slow, page));
+    // The gateway's own samples end, too, or the recording grows while it is read.
+    sim.process.kill();
     let play = |topic| mgw(&["--json", "play", &path, "--topic", topic]).stdout;
+    let lost = || {
+        let told = play("/recording").lines().last().map(json).expect("it tells what it lost");
+        let count = |name| told["message"][name].as_u64().expect("a number");
+        let unwritten = count("lost_unwritten");
+        assert!(count("lost_on_the_way") <= unwritten, "no other number is missing: {told}");
+        unwritten
+    };
     // The thread that writes may be behind; what it has is in the file each second.
     let end = Instant::now() + LIMIT;
     loop {
         let recorded = play("/axis/").lines().count() as u64;
-        if recorded >= sent {
+        // Only a machine that is busy with other things writes too slowly.
+        let lost = if recorded < sent { lost() } else { 0 };
+        if recorded + lost >= sent {
             break;
         }
-        assert!(Instant::now() < end, "{recorded} of {sent} samples of the cable are recorded");
+        assert!(Instant::now() < end, "{recorded} of {sent} are recorded, and {lost} not");
     }
     assert_eq!(view.process.interrupt(), Some(0));
-    for line in play("/recording").lines() {
-        let told: Value = serde_json::from_str(line).unwrap();
-        let lost = &told["message"];
-        let lost = (&lost["lost_on_the_way"], &lost["lost_unwritten"]);
-        assert_eq!(lost, (&json!(0), &json!(0)), "no number is missing: {told}");
-    }
+    lost();
     let _ = std::fs::remove_file(file);
-    sim.process.kill();
 }
