@@ -19,6 +19,7 @@ mod lab;
 mod log;
 mod only_g474;
 mod only_h743;
+mod part;
 mod reaction;
 mod rs485_times;
 #[path = "../common/rtt.rs"]

@@ -13,6 +13,7 @@ use virtual_board::board::Board;
 use virtual_board::machine::{FlashOperation, Snapshot};
 
 use crate::lab::{AXES, D5, Lab};
+use crate::part::part_of;
 
 const OFF: Duration = Duration::from_millis(100);
 /// For every first stop to be confirmed.
@@ -187,7 +188,7 @@ fn a_loss_of_power_at_each_step_of_a_save_leaves_the_old_or_the_new() {
     let first_head = second_head - head_words;
     // The first and the last erasure, rows, each head.
     let steps = [0, erasures - 1, erasures, (erasures + first_head) / 2, first_head, second_head];
-    for (step, seed) in steps.into_iter().zip(1..) {
+    for (step, seed) in part_of(steps.into_iter().zip(1..)) {
         let is_new = cut_in(step, seed);
         assert_eq!(is_new, step >= second_head, "step {step} of {count}");
     }

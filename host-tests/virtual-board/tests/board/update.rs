@@ -24,6 +24,7 @@ use virtual_board::machine::{Builder, FlashContents, ImageAreas, Machine, Snapsh
 use virtual_board::transport::BoardTransport;
 
 use crate::lab::{D5, Lab, SEED, wire, wired};
+use crate::part::part_of;
 
 /// The new one.
 const NEW: FirmwareVersion = FirmwareVersion { major: 9, minor: 8, patch: 7 };
@@ -291,7 +292,7 @@ fn an_image_that_nobody_confirms_runs_for_a_minute_and_is_taken_back() {
 
 #[test]
 fn an_image_that_fails_at_its_first_instruction_is_taken_back() {
-    for first in [UNDEFINED, HANG] {
+    for first in part_of([UNDEFINED, HANG]) {
         let mut lab = lab();
         let before = old(&mut lab);
         let image = ill_image(&mut lab.machine.borrow_mut(), first);
@@ -501,7 +502,7 @@ fn a_loss_of_power_until_the_new_image_runs_leaves_the_old_or_goes_on() {
         // The last count.
         first + LAYOUT.exchange_operations() - 1,
     ];
-    for (step, seed) in steps.into_iter().zip(1..) {
+    for (step, seed) in part_of(steps.into_iter().zip(1..)) {
         let began = Instant::now();
         cut_until_it_runs(step, seed);
         println!("{step}: {:?}", began.elapsed());
@@ -552,7 +553,7 @@ impl Lab {
 
 #[test]
 fn a_loss_of_power_while_the_new_image_is_confirmed_or_taken_back_leaves_one_of_both() {
-    for (operation, seed) in (0..LAYOUT.marking()).zip(1..) {
+    for (operation, seed) in part_of((0..LAYOUT.marking()).zip(1..)) {
         let mut lab = on_trial();
         let before = lab.done();
         lab.begin(&ConfirmImage {});
@@ -565,7 +566,7 @@ fn a_loss_of_power_while_the_new_image_is_confirmed_or_taken_back_leaves_one_of_
     let page = LAYOUT.page_operations();
     let back = LAYOUT.exchange_operations();
     let steps = [7, page + 7].into_iter().chain(back..back + LAYOUT.marking());
-    for (operation, seed) in steps.zip(1..) {
+    for (operation, seed) in part_of(steps.zip(1..)) {
         let mut lab = on_trial();
         let before = lab.done();
         lab.machine.borrow_mut().reset_by_pin();

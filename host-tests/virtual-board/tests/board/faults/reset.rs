@@ -11,6 +11,7 @@ use virtual_board::machine::{Fault, Place};
 use virtual_board::nodes::since_start;
 
 use crate::lab::{AXES, Lab, RMD, bus_of, bus_rs485, turning};
+use crate::part::part_of;
 use crate::reaction::Reaction;
 
 /// From a hang to the first stop (GUARANTEES G6), and so from anything that is over sooner.
@@ -175,7 +176,7 @@ pub fn a_hang_of_any_task_is_followed_by_stops() -> Vec<Reaction> {
         let cause = Cause::Planted(task(&path, index), &Fault::Hang, &words);
         restarts(&name, cause, BootReason::Watchdog)
     };
-    hangs.into_iter().flat_map(hang).collect()
+    part_of(hangs).flat_map(hang).collect()
 }
 
 /// The core itself hangs, in the middle of an event: the executor never has the processor again.
@@ -199,7 +200,7 @@ pub fn a_panic_in_a_task_is_followed_by_stops() -> Vec<Reaction> {
     let panic = |(name, place)| {
         restarts(name, Cause::Planted(place, &Fault::Panic, words), BootReason::Software)
     };
-    panics.into_iter().flat_map(panic).collect()
+    part_of(panics).flat_map(panic).collect()
 }
 
 pub fn a_hard_fault_is_followed_by_stops() -> Vec<Reaction> {

@@ -23,6 +23,7 @@ use rigless::emulator::Watch;
 use virtual_board::machine::{AfterCut, Cut, Expected, FlashContents, FlashOperation};
 
 use super::*;
+use crate::part::Part;
 
 /// Of so many operations one is played to its end as a control.
 const STRIDE: usize = 997;
@@ -46,6 +47,15 @@ enum Kind {
     Mark,
 }
 
+/// Whether a part cuts the operation of this number. Those of which there are few are all of the
+/// first.
+fn cuts(part: Part, number: usize, kind: Kind) -> bool {
+    match kind {
+        Kind::Page => part.has(number),
+        Kind::Count | Kind::Mark => part.number == 1,
+    }
+}
+
 impl Layout {
     fn kind(&self, operation: &FlashOperation) -> Kind {
         let state = &self.areas.state;
@@ -56,31 +66,6 @@ impl Layout {
         let first_count = state.start + 2 * self.flash.word as u64;
         let is_count = operation.word.is_some() && operation.address >= first_count;
         if is_count { Kind::Count } else { Kind::Mark }
-    }
-}
-
-/// A part of all operations.
-#[derive(Debug, Clone, Copy)]
-struct Part {
-    number: usize,
-    of: usize,
-}
-
-impl Part {
-    /// The one that the environment names, else all.
-    fn chosen() -> Self {
-        let text = std::env::var("PART").unwrap_or_else(|_| "1/1".to_owned());
-        let (number, of) = text.split_once('/').expect("PART=2/8");
-        let [number, of] = [number, of].map(|text| text.parse().expect("PART=2/8"));
-        assert!((1..=of).contains(&number), "PART=2/8");
-        Self { number, of }
-    }
-
-    fn has(self, operation: usize, kind: Kind) -> bool {
-        match kind {
-            Kind::Page => operation % self.of + 1 == self.number,
-            Kind::Count | Kind::Mark => self.number == 1,
-        }
     }
 }
 
@@ -255,7 +240,7 @@ fn cut_everywhere(run: &Run) {
         let odd = (number / part.of) as u64 % 2;
         let seeds = match kind {
             // Every second one leaves a word of which nothing can be made.
-            _ if !part.has(number, kind) => first..first,
+            _ if !cuts(part, number, kind) => first..first,
             Kind::Page => first + odd..first + odd + 1,
             Kind::Count => first..first + 2,
             Kind::Mark => first..first + MARK_SEEDS,
@@ -357,7 +342,7 @@ fn a_loss_of_power_at_every_operation_of_receiving_an_image_leaves_the_old() {
             let operation = operation.unwrap_or_else(|| panic!("part {number}"));
             let number = tally.operations;
             tally.operations += 1;
-            if !chosen.has(number, Kind::Page) {
+            if !chosen.has(number) {
                 continue;
             }
             let seed = (number / chosen.of) as u64;
