@@ -187,10 +187,36 @@ fn from_thousandths(value: i32, most: i32) -> Option<f32> {
     (value >= -most).then(|| value as f32 / 1_000.0)
 }
 
-/// Adds a value as in any body. What does not fit is left out: [`MAX_STATES`] has room for all.
-fn put<const N: usize>(to: &mut Bytes<N>, value: &impl Serialize) {
-    if let Ok(bytes) = postcard::to_slice(value, &mut [0; 5]) {
-        let _ = to.extend_from_slice(bytes);
+/// A state as it is told: each value as in any body. All axes of a cycle are told in one piece, so
+/// it is written without the detours of a serializer.
+struct Packed {
+    bytes: [u8; MAX_STATE],
+    length: usize,
+}
+
+impl Packed {
+    fn byte(&mut self, byte: u8) {
+        if let Some(place) = self.bytes.get_mut(self.length) {
+            *place = byte;
+            self.length += 1;
+        }
+    }
+
+    fn unsigned(&mut self, mut value: u32) {
+        while value > 0x7F {
+            self.byte(value.to_le_bytes()[0] | 0x80);
+            value >>= 7;
+        }
+        self.byte(value.to_le_bytes()[0]);
+    }
+
+    /// Zigzag: the sign is the lowest bit.
+    fn signed(&mut self, value: i32) {
+        self.unsigned((value << 1 ^ value >> 31).cast_unsigned());
+    }
+
+    fn float(&mut self, value: f32) {
+        value.to_le_bytes().into_iter().for_each(|byte| self.byte(byte));
     }
 }
 
@@ -260,30 +286,32 @@ impl CycleState {
     }
 }
 
-/// Adds the state of the next axis, and its bit.
+/// Adds the state of the next axis, and its bit. What does not fit is left out: [`MAX_STATES`] has
+/// room for all.
 pub(crate) fn push<const N: usize>(
     axes: &mut u32,
     to: &mut Bytes<N>,
     fields: StateFields,
-    mut state: CycleState,
+    state: &mut CycleState,
 ) {
     *axes |= 1_u32.checked_shl(state.axis.into()).unwrap_or(0);
-    let age = state.age_us.div_ceil(AGE_UNIT_US).min(MAX_AGE.into());
-    put(to, &(state_code(state.state) | state.result.code() << 4));
+    let mut packed = Packed { bytes: [0; MAX_STATE], length: 0 };
+    packed.byte(state_code(state.state) | state.result.code() << 4);
     if let CycleResult::Refused { error } = state.result {
-        put(to, &error);
+        packed.unsigned(error.into());
     }
-    put(to, &age);
+    packed.unsigned(state.age_us.div_ceil(AGE_UNIT_US).min(MAX_AGE.into()));
     for field in fields.iter() {
         match (field, most(field)) {
-            (StateField::Faults, _) => put(to, &state.faults),
-            (_, Some(most)) => {
-                let value = thousandths(*state.number(field), most);
-                put(to, &value);
+            (StateField::Faults, _) => {
+                packed.byte(state.faults.is_some().into());
+                state.faults.into_iter().for_each(|word| packed.unsigned(word.into()));
             }
-            _ => put(to, &state.position_rad.unwrap_or(f32::NAN)),
+            (_, Some(most)) => packed.signed(thousandths(*state.number(field), most)),
+            _ => packed.float(state.position_rad.unwrap_or(f32::NAN)),
         }
     }
+    let _ = to.extend_from_slice(packed.bytes.get(..packed.length).unwrap_or_default());
 }
 
 /// The states of these axes.
@@ -300,8 +328,8 @@ pub(crate) fn states(
 
 impl CycleReport {
     /// Adds the state of the next axis: in the order of their numbers.
-    pub fn push(&mut self, state: CycleState) {
-        push(&mut self.axes, &mut self.states, self.fields, state);
+    pub fn push(&mut self, mut state: CycleState) {
+        push(&mut self.axes, &mut self.states, self.fields, &mut state);
     }
 
     /// The states, in the order of the axes. It ends early where the bytes are no states.

@@ -63,6 +63,7 @@ wire! {
         /// The axes: bit 0 is axis 0.
         pub axes: u32,
         /// Their [states](Self::states), one behind the other as in the answer to `Cycle`.
+        #[serde(serialize_with = "crate::text::in_one_piece")]
         pub states: Bytes<MAX_FAST_STATES>,
         /// Of one axis, another in each period; nothing where no such field was asked for.
         pub slow: Option<SlowState>,
@@ -93,8 +94,8 @@ impl CycleEvent {
     }
 
     /// Adds the state of the next axis: in the order of their numbers.
-    pub fn push(&mut self, state: CycleState) {
-        push(&mut self.axes, &mut self.states, self.fields, state);
+    pub fn push(&mut self, mut state: CycleState) {
+        push(&mut self.axes, &mut self.states, self.fields, &mut state);
     }
 
     /// Writes the whole delimited frame and returns its length. `sequence` counts the events of

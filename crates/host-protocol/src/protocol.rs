@@ -185,13 +185,27 @@ macro_rules! set_of {
 
             /// The known ones in it.
             pub fn iter(self) -> impl Iterator<Item = $item> {
-                $item::ALL.iter().copied().filter(move |item| self.contains(*item))
+                let mut left = self.0;
+                core::iter::from_fn(move || {
+                    let at = usize::try_from(left.trailing_zeros()).ok()?;
+                    let item = $item::ALL.get(at)?;
+                    left &= left - 1;
+                    Some(*item)
+                })
             }
 
             const fn bit(item: $item) -> u8 {
                 1 << (item.number() - 1)
             }
         }
+
+        const _: () = {
+            let mut at = 0;
+            while at < $item::ALL.len() {
+                assert!($set::bit($item::ALL[at]) == 1 << at, "in the order of their numbers");
+                at += 1;
+            }
+        };
 
         impl MaxSize for $set {
             const MAX_SIZE: usize = u8::MAX_SIZE;

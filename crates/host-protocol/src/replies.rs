@@ -208,6 +208,7 @@ wire! {
         /// The axes: bit 0 is axis 0.
         pub axes: u32,
         /// Their [states](Self::states), one behind the other.
+        #[serde(serialize_with = "crate::text::in_one_piece")]
         pub states: Bytes<MAX_STATES>,
     }
 
