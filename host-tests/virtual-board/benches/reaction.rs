@@ -1,15 +1,15 @@
 //! Measures reaction times, prints the table and compares it with the committed one; `--renew`
 //! writes that anew.
 //!
-//! `.ci/virtual-board reaction [--board BOARD] [--phases N] [--only LINE] [--trace | --renew]`
-//! builds the image and runs it, in virtual time. `--trace` prints instead what the bus carried
-//! about the slowest stop of each line.
+//! `.ci/virtual-board reaction [--board BOARD] [--phases N] [--only LINE] [--trace | --turns |
+//! --renew]` builds the image and runs it, in virtual time. `--trace` prints instead what the bus
+//! carried about the slowest stop of each line, `--turns` the longest turns of the tasks.
 
 use std::error::Error;
 use std::process::ExitCode;
 
 use virtual_board::machine::image_path;
-use virtual_board::reaction::{FEW_PHASES, Table, measure, traces};
+use virtual_board::reaction::{FEW_PHASES, Look, Table, look, measure};
 use virtual_board::sections::{exit_code, settle};
 
 /// The committed table.
@@ -22,7 +22,7 @@ struct Arguments {
     /// Only the lines whose names contain it.
     only: Option<String>,
     renew: bool,
-    trace: bool,
+    look: Option<Look>,
 }
 
 impl Arguments {
@@ -37,18 +37,19 @@ impl Arguments {
                 }
                 "--only" => read.only = Some(arguments.next()?),
                 "--renew" => read.renew = true,
-                "--trace" => read.trace = true,
+                "--trace" => read.look = Some(Look::Trace),
+                "--turns" => read.look = Some(Look::Turns),
                 _ => return None,
             }
         }
         // A table of some lines is none.
-        (!read.renew || read.only.is_none() && !read.trace).then_some(read)
+        (!read.renew || read.only.is_none() && read.look.is_none()).then_some(read)
     }
 }
 
 fn main() -> ExitCode {
     let Some(arguments) = Arguments::read(std::env::args().skip(1)) else {
-        eprintln!("usage: reaction [--phases N] [--only LINE] [--trace | --renew]");
+        eprintln!("usage: reaction [--phases N] [--only LINE] [--trace | --turns | --renew]");
         return ExitCode::from(2);
     };
     exit_code(run(&arguments))
@@ -58,8 +59,8 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<bool, Box<dyn Error>> {
     let only = arguments.only.as_deref().unwrap_or_default();
     let phases = arguments.phases.map_or(FEW_PHASES, |phases| [phases; FEW_PHASES.len()]);
-    if arguments.trace {
-        print!("{}", traces(&image_path()?, phases, only)?);
+    if let Some(at) = arguments.look {
+        print!("{}", look(at, &image_path()?, phases, only)?);
         return Ok(true);
     }
     let measured = measure(&image_path()?, phases, only)?;

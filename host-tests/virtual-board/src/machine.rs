@@ -52,6 +52,9 @@ use virtual_stm32::fdcan::{Fdcan, Wiring};
 use virtual_stm32::serial_port::FarEnd;
 use virtual_stm32::usb::host::Host as UsbHost;
 
+/// Symbols of cortex-m-rt's linker script: where the instructions lie.
+const CODE: (&str, &str) = ("__stext", "__etext");
+
 /// How often [`Machine::run_until`] looks at its condition.
 const LOOK_PERIOD: Duration = Duration::from_micros(10);
 /// Bytes of a word.
@@ -218,6 +221,16 @@ impl Machine {
     /// Ends one [`Machine::watch`].
     pub fn unwatch(&mut self, watch: Watch) {
         self.core.order(move |session, _, _, _| session.unwatch(watch));
+    }
+
+    /// Where the instructions of the image lie.
+    pub fn code(&self) -> std::ops::Range<u64> {
+        self.symbol(CODE.0)..self.symbol(CODE.1)
+    }
+
+    /// The functions of the image, in the order of their addresses, by their paths.
+    pub fn functions(&self) -> Vec<(std::ops::Range<u64>, String)> {
+        self.names.functions(self.code())
     }
 
     /// Watches every instruction in this range, or no longer: the hits are a trace of the program

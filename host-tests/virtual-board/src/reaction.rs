@@ -10,6 +10,7 @@ mod situation;
 mod stops;
 mod table;
 mod trace;
+mod turns;
 
 pub use situation::Situation;
 pub use table::{Row, Table, Times};
@@ -120,11 +121,20 @@ fn measured(
     wanted.map(measured).collect()
 }
 
-/// What the bus carried about the stop that took longest: of each line of the table whose name
-/// contains `filter`, at each speed.
+/// What somebody looks at who looks for the cause of a late stop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// What the bus carried about the stop that took longest, of each line.
+    Trace,
+    /// The longest turns of the tasks before that, in each situation.
+    Turns,
+}
+
+/// Looks at the lines of the table whose names contain `filter`, at each speed.
 /// Fails if the file is no image.
 /// Panics if the gateway does not do what it is asked for.
-pub fn traces(
+pub fn look(
+    look: Look,
     image: &Path,
     phases: [u32; SPEEDS.len()],
     filter: &str,
@@ -139,6 +149,10 @@ pub fn traces(
         };
         for (situation, lines) in wanted(filter) {
             let rig = Stand::new(&board, situation.bus).set_up(situation);
+            if look == Look::Turns {
+                text += &format!("{situation}, at {speed} a second\n{}", rig.turns());
+                continue;
+            }
             for line in lines {
                 text += &trace(&rig, situation, line, speed, phases);
             }

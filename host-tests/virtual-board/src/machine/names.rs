@@ -1,5 +1,7 @@
 //! The functions and the static memory of an image, found by their paths in the source.
 
+use std::ops::Range;
+
 use object::{Object, ObjectSymbol};
 
 /// A function or a static of the image.
@@ -45,6 +47,17 @@ impl Names {
         }
     }
 
+    /// What is code, in the order of the addresses, by its path. Functions of one text are there
+    /// once.
+    pub(crate) fn functions(&self, code: Range<u64>) -> Vec<(Range<u64>, String)> {
+        let range = |named: &Named| named.address..named.address + named.size;
+        let code = self.0.iter().filter(|(_, named)| code.contains(&named.address));
+        let mut functions: Vec<_> = code.map(|(name, named)| (range(named), path(name))).collect();
+        functions.sort_by_key(|(range, _)| range.start);
+        functions.dedup_by_key(|(range, _)| range.start);
+        functions
+    }
+
     /// Everything that has that path: a generic function is there once for each of its types.
     pub(crate) fn all(&self, path: &str) -> Vec<Named> {
         let mangled = mangled(path);
@@ -60,6 +73,23 @@ impl Names {
     }
 }
 
+/// The path of a mangled name, as far as the old mangling tells it; other names as they are.
+pub(crate) fn path(name: &str) -> String {
+    let Some(mut rest) = name.strip_prefix("_ZN") else { return name.to_owned() };
+    let mut parts = Vec::new();
+    while let Some(digits) = rest.find(|c: char| !c.is_ascii_digit()).filter(|digits| *digits > 0) {
+        let part = rest[..digits].parse().ok().and_then(|length: usize| {
+            rest.get(digits..digits + length).zip(rest.get(digits + length..))
+        });
+        let Some((part, behind)) = part else { break };
+        rest = behind;
+        parts.push(part);
+    }
+    // The last is the hash.
+    parts.pop();
+    parts.join("::")
+}
+
 /// Both manglings write each part of a path with its length before it.
 pub(crate) fn mangled(path: &str) -> String {
     path.split("::").map(|part| format!("{}{part}", part.len())).collect()
@@ -68,6 +98,15 @@ pub(crate) fn mangled(path: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_has_its_path() {
+        assert_eq!(
+            path("_ZN13motor_gateway5tasks3can17h0123456789abcdefE"),
+            "motor_gateway::tasks::can"
+        );
+        assert_eq!(path("HardFault"), "HardFault");
+    }
 
     #[test]
     fn a_path_is_found_in_both_manglings() {

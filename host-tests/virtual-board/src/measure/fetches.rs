@@ -9,10 +9,6 @@ use super::stages::{Counts, Functions, Stages};
 use crate::machine::Machine;
 use crate::nodes::instant;
 
-/// Symbols of cortex-m-rt's linker script: where the instructions lie.
-const BEGIN: &str = "__stext";
-const END: &str = "__etext";
-
 /// What a trace says.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Traced {
@@ -42,7 +38,7 @@ pub(crate) struct Fetches {
 impl Fetches {
     /// Traces from now on.
     pub(crate) fn begin(machine: &mut Machine, functions: Functions) -> Self {
-        let code = machine.symbol(BEGIN)..machine.symbol(END);
+        let code = machine.code();
         let length = usize::try_from(code.end - code.start).expect("less than the flash");
         let bytes = machine.read_memory(code.start, length);
         let cache = Cache::new(Geometry::of(machine.part()));

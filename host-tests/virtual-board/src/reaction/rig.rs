@@ -23,7 +23,7 @@ use super::computers::{
 };
 use super::situation::{Bus, Load, Place, Situation};
 use super::stops::{self, FirstStops};
-use super::trace;
+use super::{trace, turns};
 use crate::board::{Board, serial_port};
 use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
 use crate::nodes::{Probe, since_start};
@@ -312,6 +312,11 @@ impl Rig {
                 bus => trace::of_frames(part.fdcan(usize::from(bus)).log(), since).into_bytes(),
             });
         String::from_utf8(found).expect("it was text")
+    }
+
+    /// The longest turns of the tasks, as text. The board goes on meanwhile.
+    pub(super) fn turns(&self) -> String {
+        turns::of(&mut self.machine.borrow_mut())
     }
 
     /// Has `cause` come in a branch of the run, and a report made of the part and of when it came.

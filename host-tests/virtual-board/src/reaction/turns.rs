@@ -1,0 +1,82 @@
+//! The longest turns of the tasks. None is interrupted by another task, so a stop waits for the one
+//! under way: for the eyes of who looks for the cause of a late stop.
+
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::ops::Range;
+use std::time::Duration;
+
+use crate::machine::Machine;
+
+/// How often the board is looked at, and how long each time: two periods of a cycle of 16 axes.
+const LOOKS: u32 = 80;
+const LOOK: Duration = Duration::from_micros(100);
+/// How many turns are told, and of each how many functions.
+const TURNS: usize = 6;
+const FUNCTIONS: usize = 8;
+/// What polls a task.
+const POLL: &str = "embassy_executor::raw::TaskStorage";
+
+/// Of a board in some situation, as text: instructions of each turn, with those of interrupts
+/// meanwhile, by function.
+pub(super) fn of(machine: &mut Machine) -> String {
+    let functions = machine.functions();
+    let code = machine.code();
+    machine.trace(code.clone(), true);
+    let mut executed = Vec::new();
+    for _ in 0..LOOKS {
+        machine.run_for(LOOK);
+        executed.extend(machine.take_hits().iter().map(|hit| hit.address));
+    }
+    machine.trace(code, false);
+    let at = |address| {
+        let behind = functions.partition_point(|(range, _)| range.start <= address);
+        functions.get(behind.checked_sub(1)?).filter(|(range, _)| range.contains(&address))
+    };
+    let is_poll = |address| {
+        at(address).is_some_and(|(range, path)| range.start == address && path.starts_with(POLL))
+    };
+    let mut turns = turns(&executed, is_poll);
+    turns.sort_by_key(|turn| Reverse(turn.len()));
+    turns.truncate(TURNS);
+    let path = |address| at(address).map_or("?", |(_, path)| path.as_str());
+    turns
+        .into_iter()
+        .map(|turn| told(executed[turn].iter().map(|address| path(*address))))
+        .collect()
+}
+
+/// From each poll of a task to the next.
+fn turns(executed: &[u64], is_poll: impl Fn(u64) -> bool) -> Vec<Range<usize>> {
+    let polls: Vec<usize> = (0..executed.len()).filter(|at| is_poll(executed[*at])).collect();
+    polls.windows(2).map(|two| two[0]..two[1]).collect()
+}
+
+fn told<'a>(paths: impl Iterator<Item = &'a str>) -> String {
+    let mut counts = BTreeMap::<&str, usize>::new();
+    paths.for_each(|path| *counts.entry(path).or_default() += 1);
+    let mut text = format!("{:8} instructions\n", counts.values().sum::<usize>());
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, count)| Reverse(*count));
+    for (path, count) in counts.into_iter().take(FUNCTIONS) {
+        let _ = writeln!(text, "{count:12} {path}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_ends_where_the_next_task_is_polled() {
+        assert_eq!(turns(&[1, 9, 2, 2, 9, 3, 9], |address| address == 9), [1..4, 4..6]);
+    }
+
+    #[test]
+    fn the_function_with_most_of_it_is_told_first() {
+        let text = told(["a::b", "c", "c"].into_iter());
+        assert_eq!(text, "       3 instructions\n           2 c\n           1 a::b\n");
+    }
+}
