@@ -382,8 +382,12 @@ impl Transactions {
         self.given_up(now, &current, config);
         if current.is_awaited() {
             let until = now + current.window();
-            self.holdoff = Holdoff { exchange: current.exchange, until };
-            self.former.get_or_insert(Transaction { stage: Stage::Late { until }, ..current });
+            // What is answered slowly is answered as nothing else, and however late by a motor that
+            // does it: the stop need not wait for that.
+            if protocol::slow_reply(&current.command).is_none() {
+                self.holdoff = Holdoff { exchange: current.exchange, until };
+                self.former.get_or_insert(Transaction { stage: Stage::Late { until }, ..current });
+            }
         }
         Some(current)
     }

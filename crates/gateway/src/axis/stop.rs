@@ -52,8 +52,7 @@ enum Detour {
     Overwrite,
 }
 
-/// Whether an unreachable motor is left alone, so that its own timeout can act: two stops between
-/// silences, until it answers one of them.
+/// How an unreachable motor is stopped: two stops between silences, until it answers one of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Backoff {
     None,
@@ -62,8 +61,8 @@ enum Backoff {
         until: Instant,
         /// The first of the two has gone.
         second_follows: bool,
-        /// A host has had a stop sent in this silence; another one would keep the motor's own
-        /// timeout from acting.
+        /// A host has had a stop sent in this silence; another one would keep the own timeout of a
+        /// motor that hears us from acting.
         asked: bool,
     },
 }
@@ -89,6 +88,8 @@ pub(crate) struct Stop {
     standstill_readings: u8,
     /// Stop commands in a row that were not answered, or were refused.
     unconfirmed: u8,
+    /// The motor has answered something since the first of these: it hears us.
+    hears: bool,
     /// So many stops came to nothing, or the motor did not come to rest, and no stop has been
     /// confirmed since.
     unreachable: bool,
@@ -140,6 +141,7 @@ impl Stop {
             acknowledged: false,
             standstill_readings: 0,
             unconfirmed: 0,
+            hears: false,
             unreachable: false,
             backoff: Backoff::None,
             give_up_at: now + STANDSTILL_WITHIN,
@@ -194,6 +196,11 @@ impl Stop {
 
     pub fn is_unreachable(&self) -> bool {
         self.unreachable
+    }
+
+    /// The motor answers, but not as a motor that stops.
+    pub fn is_heard(&self) -> bool {
+        self.hears
     }
 
     /// It has waited for so long that it counts as not sent, and waits still.
@@ -265,7 +272,8 @@ impl Stop {
         if !self.has_left() || !self.repeats() {
             return false;
         }
-        if let Backoff::Resting { asked, .. } = &mut self.backoff
+        if self.hears
+            && let Backoff::Resting { asked, .. } = &mut self.backoff
             && core::mem::replace(asked, true)
         {
             return false;
@@ -347,8 +355,8 @@ impl Stop {
         }
     }
 
-    /// A frame of the stop has left. An unreachable motor hears nothing for `silence` after two
-    /// stops: whatever we send may be feeding its own timeout (GUARANTEES G4).
+    /// A frame of the stop has left. An unreachable motor is sent nothing for `silence` after two
+    /// stops (GUARANTEES G4).
     pub fn transmitted(&mut self, now: Instant, exchange: Exchange, silence: Duration) {
         self.went_on_at = now;
         if core::mem::take(&mut self.not_sent) {

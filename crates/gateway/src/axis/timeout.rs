@@ -1,6 +1,7 @@
 //! The motor's own timeout, the second layer: what is known of it, and what follows (GUARANTEES G1,
 //! G4).
 
+use super::stop::Stop;
 use super::{Axis, JobKind};
 use crate::protocol::Info;
 use crate::time::{Duration, Instant};
@@ -168,12 +169,15 @@ impl Axis {
         (holds && self.written_timeout_ms > 0).then_some(timeout)
     }
 
-    /// How long an unreachable motor is left alone, so that its own timeout can act (GUARANTEES
-    /// G4).
+    /// How long an unreachable motor is sent nothing behind two stops: one that answers and turns
+    /// on so long that its own timeout can act, which whatever we send may be feeding; one that does
+    /// not answer, as it may hear the next one, until the stop is due again (GUARANTEES G4).
     pub(super) fn unreachable_silence(&self) -> Duration {
         match self.written_timeout_ms {
-            0 => self.config.stop_repeat(),
-            timeout_ms => Duration::from_millis(u64::from(timeout_ms)).and_a_half(),
+            timeout_ms if timeout_ms > 0 && self.stop().is_some_and(Stop::is_heard) => {
+                Duration::from_millis(u64::from(timeout_ms)).and_a_half()
+            }
+            _ => self.config.stop_repeat(),
         }
     }
 

@@ -514,10 +514,14 @@ pub(crate) fn tracks(command: &Command) -> bool {
 }
 
 /// The reply window of a command where the motor needs longer than its bus's window: for its brake
-/// motors were seen to take 50 to 150 ms (PROTOCOL-NOTES R20).
+/// motors were seen to take 50 to 150 ms (PROTOCOL-NOTES R20). While it locks, nobody else tells the
+/// motor to hold.
 pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
-    let is_brake = matches!(command, Command::Rmd(Request::ReleaseBrake | Request::LockBrake));
-    is_brake.then_some(Duration::from_millis(300))
+    match command {
+        Command::Rmd(Request::ReleaseBrake) => Some(Duration::from_millis(300)),
+        Command::Rmd(Request::LockBrake) => Some(Duration::from_millis(160)),
+        _ => None,
+    }
 }
 
 /// What a frame is to a read whose answer tells the dialect: an older motor passes its index over,

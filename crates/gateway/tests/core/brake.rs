@@ -194,3 +194,51 @@ fn a_stop_that_was_asked_for_before_the_brake_locks_is_not_sent_behind_that() {
         assert!(!sent[lock..].contains(&HOLD), "every {every} µs: {sent:?}");
     }
 }
+
+/// The times at which a frame was sent to the motor, behind `since`.
+fn times(rig: &crate::rig::Rig, since: u64) -> Vec<u64> {
+    rig.wire.iter().map(|(at, ..)| *at).filter(|at| *at >= since).collect()
+}
+
+/// Meanwhile the motor holds by what it hears: its own timeout would drop the load.
+#[test]
+fn a_brake_command_that_is_not_answered_is_followed_by_the_stop_in_less_than_200_ms() {
+    for answers_the_second in [true, false] {
+        let (mut rig, _) = bench::rmd(StopAction::Brake);
+        let mut locks = 0;
+        rig.instead(move |text| {
+            locks += u8::from(text == LOCK);
+            let is_answered = text != LOCK || answers_the_second && locks > 1;
+            if is_answered { Instead::AsUsual } else { Instead::Nothing }
+        });
+        move_axis(&mut rig, VELOCITY);
+        let since = rig.now_us;
+        stop(&mut rig);
+        run_with_host(&mut rig, 2_000_000);
+        let sent = rig.sent_since(0, since);
+        let lock = sent.iter().position(|text| *text == LOCK).expect("locked");
+        assert_eq!(sent[lock + 1], HOLD, "{sent:?}");
+        let times = times(&rig, since);
+        let gaps = times.windows(2).map(|two| two[1] - two[0]);
+        let longest = gaps.take(2 * lock + 20).max();
+        assert!(longest.is_some_and(|gap| gap < 200_000), "{longest:?}");
+        let is_confirmed = matches!(outcomes(&rig)[..], [HostEvent::StopConfirmed { axis: 0, .. }]);
+        assert_eq!(is_confirmed, answers_the_second, "{:?}", outcomes(&rig));
+    }
+}
+
+#[test]
+fn an_e_stop_while_the_brake_is_being_locked_is_sent_in_less_than_200_ms() {
+    let (mut rig, _) = bench::rmd(StopAction::Brake);
+    rig.instead(|text| if text == LOCK { Instead::Nothing } else { Instead::AsUsual });
+    move_axis(&mut rig, VELOCITY);
+    stop(&mut rig);
+    while !rig.sent_since(0, 0).contains(&LOCK) {
+        rig.run(1_000);
+    }
+    rig.run(1_000);
+    let since = rig.now_us;
+    e_stop(&mut rig);
+    run_with_host(&mut rig, 200_000);
+    assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
+}

@@ -1,6 +1,6 @@
-//! Motors that no stop reaches: after so many of them the motor is left alone but for two stops
-//! between silences, so that its own timeout can act, and nobody can break the silence (GUARANTEES
-//! G4).
+//! Motors that no stop reaches. One that answers and turns on is left alone but for two stops
+//! between silences, so that its own timeout can act, and nobody can break the silence; one that
+//! does not answer is sent its stop every 500 ms, and whenever it is asked for (GUARANTEES G4).
 
 use crate::bench::{
     self, D5_VELOCITY, HOLD, VELOCITY, assert_tripped, listed, move_axis, outcomes, run_with_host,
@@ -56,11 +56,17 @@ fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_the
     assert!(!state(&mut rig).trip.unwrap().unreachable);
 }
 
+/// A motor that hears every stop and refuses it.
 #[test]
 fn a_host_that_asks_for_stops_all_the_time_does_not_keep_the_motor_s_own_timeout_from_acting() {
-    let (mut rig, play) = bench::rmd_with_timeout(TIMEOUT_MS);
-    move_axis(&mut rig, VELOCITY);
-    play.borrow_mut().mute = true;
+    let (mut rig, _) = bench::thruster();
+    bench::provision(&mut rig, TIMEOUT_MS).unwrap();
+    move_axis(&mut rig, Setpoint::Signal { fraction: 0.1 });
+    rig.run(5_000);
+    rig.instead(|text| match &text[..8] {
+        "30B#5443" => Instead::Says("28B#544300000000EEEE"),
+        _ => Instead::AsUsual,
+    });
     bench::assert_becomes_unreachable(&mut rig);
     let since = rig.now_us;
     for _ in 0..500 {
@@ -72,6 +78,43 @@ fn a_host_that_asks_for_stops_all_the_time_does_not_keep_the_motor_s_own_timeout
         silences.iter().filter(|gap| **gap >= SILENCE_US - 20_000).count() >= 5,
         "{silences:?}"
     );
+}
+
+/// A motor that is out of reach for a moment: ten stops are over in that time.
+#[test]
+fn a_motor_that_answers_nothing_for_60_ms_is_stopped_soon_after_that() {
+    for timeout_ms in [TIMEOUT_MS, 10_000, 60_000] {
+        let (mut rig, play) = bench::rmd_with_timeout(timeout_ms);
+        move_axis(&mut rig, VELOCITY);
+        rig.run(1_000);
+        play.borrow_mut().mute = true;
+        stop(&mut rig);
+        run_with_host(&mut rig, 60_000);
+        play.borrow_mut().mute = false;
+        assert_eq!(
+            outcomes(&rig),
+            [HostEvent::AxisUnreachable { axis: 0, stop_transmitted: true }],
+            "{timeout_ms} ms"
+        );
+        run_with_host(&mut rig, 520_000);
+        assert_tripped(&mut rig, TripReason::StopUnconfirmed, true);
+    }
+}
+
+#[test]
+fn every_stop_that_is_asked_for_of_a_motor_that_answers_nothing_is_sent() {
+    let (mut rig, play) = bench::rmd_with_timeout(10_000);
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().mute = true;
+    bench::assert_becomes_unreachable(&mut rig);
+    for at in 0..30 {
+        run_with_host(&mut rig, 70_000);
+        let since = rig.now_us;
+        let stop = Request::Stop(requests::Stop { target: StopTarget::Axis(0) });
+        rig.send(&if at % 2 == 0 { stop } else { Request::EStop(requests::EStop {}) });
+        rig.run(8_000);
+        assert_eq!(rig.sent_since(0, since).first().map(|text| &**text), Some(HOLD), "stop {at}");
+    }
 }
 
 #[test]

@@ -33,6 +33,7 @@ impl Stop {
         let exchange = request.exchange;
         let answered = protocol::is_answered(&request.command, config);
         if answered {
+            self.hears = true;
             if matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed) {
                 self.unconfirmed = 0;
             }
@@ -92,6 +93,7 @@ impl Stop {
     /// The motor refuses what the stop asks of it: that confirms nothing. Read the fault and the
     /// speed, and send the stop again.
     pub(in crate::axis) fn refused(&mut self, now: Instant, exchange: Exchange) -> StopEffect {
+        self.hears = true;
         if self.is_confirmed() {
             // Or a host's question is refused.
             if !exchange.is_stop() {
@@ -120,6 +122,7 @@ impl Stop {
         config: &AxisConfig,
     ) -> StopEffect {
         self.went_on_at = now;
+        self.hears &= self.unconfirmed > 0 || exchange == Exchange::Velocity;
         let may_wait = protocol::is_served(Exchange::OverwritePending, config);
         match (self.detour, self.sequence.step()) {
             // A motor that hears and does not answer may keep a speed that waits, for anybody's 05:
@@ -137,6 +140,8 @@ impl Stop {
             (Detour::ReadFaults | Detour::ReadVelocity | Detour::ReadBack, _) => {
                 self.command_again(now);
             }
+            // It holds by the stop, which it has to hear from time to time, until the brake does.
+            (Detour::None, Some(Exchange::LockBrake)) => self.command_again(now),
             // Past the wait the brake is locked even if the speed cannot be read.
             (Detour::None, Some(Exchange::Velocity)) => self.lock_when_overdue(now, config),
             // What is not needed for the stop itself, or confirmed already.
