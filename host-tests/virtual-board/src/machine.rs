@@ -29,7 +29,7 @@ pub use cut::{AfterCut, Cut, Expected, FlashContents};
 pub use flash::FlashOperation;
 pub use handles::{CanNode, CanPort, Line, UartPort};
 pub use images::ImageAreas;
-pub(crate) use names::mangled;
+pub(crate) use names::{mangled, path};
 pub use pins::PinProbe;
 pub use plant::{Fault, Place};
 pub use reports::Reports;
@@ -226,11 +226,6 @@ impl Machine {
     /// Where the instructions of the image lie.
     pub fn code(&self) -> std::ops::Range<u64> {
         self.symbol(CODE.0)..self.symbol(CODE.1)
-    }
-
-    /// The functions of the image, in the order of their addresses, by their paths.
-    pub fn functions(&self) -> Vec<(std::ops::Range<u64>, String)> {
-        self.names.functions(self.code())
     }
 
     /// Watches every instruction in this range, or no longer: the hits are a trace of the program

@@ -15,6 +15,7 @@ mod turns;
 pub use situation::Situation;
 pub use table::{Row, Table, Times};
 
+use std::fs;
 use std::panic::resume_unwind;
 use std::path::Path;
 use std::sync::Mutex;
@@ -26,7 +27,7 @@ use host_protocol::requests::{EStop, Stop};
 
 use crate::board::Board;
 use crate::machine::Builder;
-use crate::measure::{NotMeasurable, SPEEDS};
+use crate::measure::{Functions, NotMeasurable, SPEEDS};
 use computers::Cause;
 use rig::{Rig, Stand};
 use situation::{Bus, Load};
@@ -140,6 +141,8 @@ pub fn look(
     filter: &str,
 ) -> Result<String, NotMeasurable> {
     Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
+    let file = fs::read(image).map_err(|error| NotMeasurable(error.to_string()))?;
+    let functions = Functions::read(&file).map_err(NotMeasurable)?;
     let mut text = String::new();
     for (speed, phases) in Board::chosen().speeds.into_iter().zip(phases) {
         let board = || {
@@ -150,7 +153,7 @@ pub fn look(
         for (situation, lines) in wanted(filter) {
             let rig = Stand::new(&board, situation.bus).set_up(situation);
             if look == Look::Turns {
-                text += &format!("{situation}, at {speed} a second\n{}", rig.turns());
+                text += &format!("{situation}, at {speed} a second\n{}", rig.turns(&functions));
                 continue;
             }
             for line in lines {

@@ -1,7 +1,5 @@
 //! The functions and the static memory of an image, found by their paths in the source.
 
-use std::ops::Range;
-
 use object::{Object, ObjectSymbol};
 
 /// A function or a static of the image.
@@ -45,17 +43,6 @@ impl Names {
             [] => panic!("the image has no {path}"),
             _ => panic!("the image has {} of {path}", found.len()),
         }
-    }
-
-    /// What is code, in the order of the addresses, by its path. Functions of one text are there
-    /// once.
-    pub(crate) fn functions(&self, code: Range<u64>) -> Vec<(Range<u64>, String)> {
-        let range = |named: &Named| named.address..named.address + named.size;
-        let code = self.0.iter().filter(|(_, named)| code.contains(&named.address));
-        let mut functions: Vec<_> = code.map(|(name, named)| (range(named), path(name))).collect();
-        functions.sort_by_key(|(range, _)| range.start);
-        functions.dedup_by_key(|(range, _)| range.start);
-        functions
     }
 
     /// Everything that has that path: a generic function is there once for each of its types.

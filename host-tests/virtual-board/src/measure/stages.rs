@@ -7,7 +7,7 @@
 
 use object::{Object, ObjectSymbol, SymbolKind};
 
-use crate::machine::mangled;
+use crate::machine::{mangled, path};
 
 /// How many stages there are.
 pub(crate) const COUNT: usize = STAGES.len();
@@ -38,11 +38,12 @@ pub(crate) const STAGES: [(&str, &[&str]); 11] = [
 ];
 
 /// A function of the image.
-#[derive(Debug, Clone, Copy)]
-struct Function {
-    begin: u64,
+#[derive(Debug, Clone)]
+pub(crate) struct Function {
+    pub(crate) begin: u64,
     end: u64,
     stage: Option<usize>,
+    pub(crate) path: String,
 }
 
 /// The functions of an image.
@@ -66,7 +67,7 @@ impl Functions {
                 has_functions[stage] = true;
             }
             let begin = symbol.address() & !1;
-            functions.push(Function { begin, end: begin + symbol.size(), stage });
+            functions.push(Function { begin, end: begin + symbol.size(), stage, path: path(name) });
         }
         // Functions of one text are one function with several names.
         functions.sort_by_key(|function| (function.begin, function.stage.is_none()));
@@ -78,9 +79,9 @@ impl Functions {
     }
 
     /// The function that has an instruction.
-    fn at(&self, address: u64) -> Option<Function> {
+    pub(crate) fn at(&self, address: u64) -> Option<&Function> {
         let behind = self.0.partition_point(|function| function.begin <= address);
-        self.0.get(behind.checked_sub(1)?).filter(|function| address < function.end).copied()
+        self.0.get(behind.checked_sub(1)?).filter(|function| address < function.end)
     }
 }
 
@@ -116,7 +117,9 @@ impl Stages {
     pub(super) fn executed(&mut self, address: u64) {
         let is_last = |(begin, end, _): &(u64, u64, _)| (*begin..*end).contains(&address);
         if !self.under_way.last().is_some_and(is_last) {
-            let Some(Function { begin, end, stage }) = self.functions.at(address) else { return };
+            let Some(&Function { begin, end, stage, .. }) = self.functions.at(address) else {
+                return;
+            };
             let known = self.under_way.iter().rposition(|(other, ..)| *other == begin);
             match known.filter(|_| address != begin) {
                 Some(at) => self.under_way.truncate(at + 1),
@@ -159,7 +162,8 @@ mod tests {
     /// A task at 100, a copy at 200 and an interrupt at 300, of 50 bytes each.
     #[test]
     fn a_function_without_a_stage_counts_where_it_was_called() {
-        let function = |(begin, stage)| Function { begin, end: begin + 50, stage };
+        let function =
+            |(begin, stage)| Function { begin, end: begin + 50, stage, path: String::new() };
         let functions = [(100, Some(9)), (200, None), (300, Some(0))].map(function).to_vec();
         let mut stages = Stages::new(Functions(functions));
         // The task copies, is interrupted in that by a handler that copies too, and goes on.

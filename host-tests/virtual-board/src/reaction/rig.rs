@@ -26,6 +26,7 @@ use super::stops::{self, FirstStops};
 use super::{trace, turns};
 use crate::board::{Board, serial_port};
 use crate::machine::{Builder, CanNode, CanPort, Machine, UartPort};
+use crate::measure::Functions;
 use crate::nodes::{Probe, since_start};
 use crate::outside::Outside;
 use crate::rs485_line::Rs485Line;
@@ -315,8 +316,8 @@ impl Rig {
     }
 
     /// The longest turns of the tasks, as text. The board goes on meanwhile.
-    pub(super) fn turns(&self) -> String {
-        turns::of(&mut self.machine.borrow_mut())
+    pub(super) fn turns(&self, functions: &Functions) -> String {
+        turns::of(&mut self.machine.borrow_mut(), functions)
     }
 
     /// Has `cause` come in a branch of the run, and a report made of the part and of when it came.

@@ -8,6 +8,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 use crate::machine::Machine;
+use crate::measure::Functions;
 
 /// How often the board is looked at, and how long each time: two periods of a cycle of 16 axes.
 const LOOKS: u32 = 80;
@@ -20,8 +21,7 @@ const POLL: &str = "embassy_executor::raw::TaskStorage";
 
 /// Of a board in some situation, as text: instructions of each turn, with those of interrupts
 /// meanwhile, by function.
-pub(super) fn of(machine: &mut Machine) -> String {
-    let functions = machine.functions();
+pub(super) fn of(machine: &mut Machine, functions: &Functions) -> String {
     let code = machine.code();
     machine.trace(code.clone(), true);
     let mut executed = Vec::new();
@@ -30,17 +30,14 @@ pub(super) fn of(machine: &mut Machine) -> String {
         executed.extend(machine.take_hits().iter().map(|hit| hit.address));
     }
     machine.trace(code, false);
-    let at = |address| {
-        let behind = functions.partition_point(|(range, _)| range.start <= address);
-        functions.get(behind.checked_sub(1)?).filter(|(range, _)| range.contains(&address))
-    };
     let is_poll = |address| {
-        at(address).is_some_and(|(range, path)| range.start == address && path.starts_with(POLL))
+        let function = functions.at(address);
+        function.is_some_and(|at| at.begin == address && at.path.starts_with(POLL))
     };
     let mut turns = turns(&executed, is_poll);
     turns.sort_by_key(|turn| Reverse(turn.len()));
     turns.truncate(TURNS);
-    let path = |address| at(address).map_or("?", |(_, path)| path.as_str());
+    let path = |address| functions.at(address).map_or("?", |at| at.path.as_str());
     turns
         .into_iter()
         .map(|turn| told(executed[turn].iter().map(|address| path(*address))))
