@@ -9,13 +9,14 @@ use host_protocol::replies::{
 use host_protocol::requests::{self as ask, MAX_CHANGES_AT_ONCE};
 use host_protocol::{
     AxisParameter, AxisState, AxisSummary, BusMode, Bytes, Call, Change, ClearTarget, Error,
-    GatewayParameter, Incident, MAX_CAN_DATA, MotorTimeout, Named, ProtocolSet, Quantity, RawFrame,
-    Setpoint, Setting, StateFields, StopTarget, Subject, Value,
+    GatewayParameter, Incident, MAX_CAN_DATA, MotorTimeout, Named, ProtocolSet, RawFrame, Setpoint,
+    Setting, StateFields, StopTarget, Subject, Value,
 };
 
 use crate::client::{Client, DEADLINE, EXPIRY_MARGIN, REPEAT_MOVE_AFTER};
 use crate::error::ClientError;
 use crate::stopping::REPEAT_STOP_AFTER;
+use crate::stream::expiry_excess;
 use crate::transport::Transport;
 
 /// Arming, provisioning and native commands talk with the motor, brake release and its confirmation
@@ -470,20 +471,11 @@ impl<T: Transport> Client<T> {
     ) -> Result<R, ClientError> {
         self.refresh_clock()?;
         let expires_at_us = self.latest_expiry(ttl);
-        match ask(self, expires_at_us) {
-            Err(ClientError::Gateway(Error::OutOfRange {
-                quantity: Quantity::Expiry,
-                value,
-                max,
-                ..
-            })) => {
-                let excess_us = f64::from(value) - f64::from(max);
-                let excess = Duration::try_from_secs_f64(excess_us / 1e6).unwrap_or(ttl);
-                let earlier = u32::try_from((excess + EXPIRY_MARGIN).as_micros());
-                ask(self, expires_at_us.wrapping_sub(earlier.unwrap_or(u32::MAX / 2)))
-            }
-            answer => answer,
-        }
+        let answer = ask(self, expires_at_us);
+        let Err(ClientError::Gateway(error)) = &answer else { return answer };
+        let Some(excess) = expiry_excess(error) else { return answer };
+        let earlier = u32::try_from((excess + EXPIRY_MARGIN).as_micros());
+        ask(self, expires_at_us.wrapping_sub(earlier.unwrap_or(u32::MAX / 2)))
     }
 
     /// As [`native`](Self::native), asked again a few times while the axis is carrying out another

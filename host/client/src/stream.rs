@@ -102,8 +102,8 @@ impl Flow {
             }
             Err(ClientError::Gateway(error)) if is_miss(&error) => {
                 self.miss = Some(error);
-                if let Error::OutOfRange { quantity: Quantity::Expiry, value, max, .. } = error {
-                    self.stay_below(f64::from(value) - f64::from(max), sent_with);
+                if let Some(excess) = expiry_excess(&error) {
+                    self.stay_below(excess, sent_with);
                 }
             }
             Err(error) => {
@@ -118,11 +118,9 @@ impl Flow {
         (self.ttl - self.ttl / MARGIN_PART).saturating_sub(self.excess)
     }
 
-    /// The gateway has found an expiry too far ahead, by so many µs. What the clock has told since
-    /// that setpoint was sent counts already.
-    fn stay_below(&mut self, excess_us: f64, sent_with: Duration) {
-        let excess =
-            Duration::try_from_secs_f64(excess_us.clamp(0.0, 1e9) / 1e6).unwrap_or_default();
+    /// The gateway has found an expiry too far ahead, by so much. What the clock has told since that
+    /// setpoint was sent counts already.
+    fn stay_below(&mut self, excess: Duration, sent_with: Duration) {
         let needed = sent_with.saturating_add(excess).saturating_sub(self.narrowed);
         self.excess = self.excess.max(needed).min(self.ttl / 2);
     }
@@ -275,4 +273,13 @@ fn is_miss(error: &Error) -> bool {
             | Error::Busy { .. }
             | Error::OutOfRange { quantity: Quantity::Expiry, .. }
     )
+}
+
+/// By how much an expiry lay too far ahead for the gateway, where that is its error.
+pub(crate) fn expiry_excess(error: &Error) -> Option<Duration> {
+    let Error::OutOfRange { quantity: Quantity::Expiry, value, max, .. } = error else {
+        return None;
+    };
+    let excess_us = f64::from(*value) - f64::from(*max);
+    Some(Duration::try_from_secs_f64(excess_us.clamp(0.0, 1e9) / 1e6).unwrap_or_default())
 }
