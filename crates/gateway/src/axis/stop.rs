@@ -198,8 +198,8 @@ impl Stop {
         self.unreachable
     }
 
-    /// The motor answers, but not as a motor that stops.
-    pub fn is_heard(&self) -> bool {
+    /// The motor has answered something since its stops began to come to nothing.
+    pub fn hears(&self) -> bool {
         self.hears
     }
 

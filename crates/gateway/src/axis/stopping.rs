@@ -101,8 +101,7 @@ impl Axis {
         }
     }
 
-    /// The motor is unreachable: from now on it is sent two stops between silences, in which its
-    /// own timeout can act.
+    /// The motor is unreachable: from now on it is sent two stops between silences.
     pub(super) fn rest(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let silence = self.unreachable_silence();
         if let Some(stop) = self.stop_mut() {

@@ -173,11 +173,10 @@ impl Axis {
     /// on so long that its own timeout can act, which whatever we send may be feeding; one that does
     /// not answer, as it may hear the next one, until the stop is due again (GUARANTEES G4).
     pub(super) fn unreachable_silence(&self) -> Duration {
-        match self.written_timeout_ms {
-            timeout_ms if timeout_ms > 0 && self.stop().is_some_and(Stop::is_heard) => {
-                Duration::from_millis(u64::from(timeout_ms)).and_a_half()
-            }
-            _ => self.config.stop_repeat(),
+        if self.written_timeout_ms > 0 && self.stop().is_some_and(Stop::hears) {
+            Duration::from_millis(u64::from(self.written_timeout_ms)).and_a_half()
+        } else {
+            self.config.stop_repeat()
         }
     }
 

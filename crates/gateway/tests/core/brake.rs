@@ -195,11 +195,6 @@ fn a_stop_that_was_asked_for_before_the_brake_locks_is_not_sent_behind_that() {
     }
 }
 
-/// The times at which a frame was sent to the motor, behind `since`.
-fn times(rig: &crate::rig::Rig, since: u64) -> Vec<u64> {
-    rig.wire.iter().map(|(at, ..)| *at).filter(|at| *at >= since).collect()
-}
-
 /// Meanwhile the motor holds by what it hears: its own timeout would drop the load.
 #[test]
 fn a_brake_command_that_is_not_answered_is_followed_by_the_stop_in_less_than_200_ms() {
@@ -214,14 +209,14 @@ fn a_brake_command_that_is_not_answered_is_followed_by_the_stop_in_less_than_200
         move_axis(&mut rig, VELOCITY);
         let since = rig.now_us;
         stop(&mut rig);
-        run_with_host(&mut rig, 2_000_000);
+        run_with_host(&mut rig, 250_000);
         let sent = rig.sent_since(0, since);
         let lock = sent.iter().position(|text| *text == LOCK).expect("locked");
         assert_eq!(sent[lock + 1], HOLD, "{sent:?}");
-        let times = times(&rig, since);
-        let gaps = times.windows(2).map(|two| two[1] - two[0]);
-        let longest = gaps.take(2 * lock + 20).max();
-        assert!(longest.is_some_and(|gap| gap < 200_000), "{longest:?}");
+        assert!(rig.longest_gap_us(0, since, "") < 200_000);
+        run_with_host(&mut rig, 1_750_000);
+        // A confirmed stop is repeated less often.
+        assert!(answers_the_second || rig.longest_gap_us(0, since, "") < 200_000);
         let is_confirmed = matches!(outcomes(&rig)[..], [HostEvent::StopConfirmed { axis: 0, .. }]);
         assert_eq!(is_confirmed, answers_the_second, "{:?}", outcomes(&rig));
     }

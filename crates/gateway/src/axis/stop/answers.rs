@@ -122,6 +122,7 @@ impl Stop {
         config: &AxisConfig,
     ) -> StopEffect {
         self.went_on_at = now;
+        // With the first stop that comes to nothing it has to be heard anew.
         self.hears &= self.unconfirmed > 0 || exchange == Exchange::Velocity;
         let may_wait = protocol::is_served(Exchange::OverwritePending, config);
         match (self.detour, self.sequence.step()) {
