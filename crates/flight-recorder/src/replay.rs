@@ -73,6 +73,11 @@ impl<'a> Replay<'a> {
         &self.core
     }
 
+    /// A snapshot of the core as it is after the last step, for another that goes on from there.
+    pub fn snapshot<'b>(&mut self, out: &'b mut [u8]) -> Option<&'b [u8]> {
+        self.core.snapshot(out)
+    }
+
     /// Makes the next call; `None` after the last.
     ///
     /// # Errors

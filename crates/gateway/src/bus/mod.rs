@@ -162,6 +162,19 @@ impl Bus {
         self.port = port;
     }
 
+    /// A port that runs `other` goes on with this one: nothing is started anew for that alone.
+    pub fn runs_as(&mut self, other: &Self) {
+        if self.paused_for == Some(self.generation) {
+            self.paused_for = Some(other.generation);
+        }
+        self.generation = other.generation;
+    }
+
+    /// Whether its port holds no frame.
+    pub fn has_nothing_out(&self) -> bool {
+        self.in_flight.iter().all(Option::is_none)
+    }
+
     /// When the bus must be looked at again; [`Instant::NEVER`] where nothing comes.
     pub fn due(&self) -> Instant {
         self.due.at

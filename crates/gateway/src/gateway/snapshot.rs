@@ -5,6 +5,7 @@
 //! that are kept so that nothing is searched. And what whoever takes snapshots asks of a gateway.
 
 use crate::axis::Is;
+use crate::bus::Bus;
 use crate::gateway::Gateway;
 use crate::link::Link;
 use crate::port::Board;
@@ -160,6 +161,21 @@ impl Gateway {
         links.each(board, Link::attach);
         gateway.board = board;
         Ok((gateway, behind))
+    }
+
+    /// Whose ports run the buses of `other` goes on with this core, which is
+    /// [resumed](Self::resume): nothing is started anew for that alone, and each is asked again.
+    pub fn run_as(&mut self, other: &Self) {
+        for (index, (bus, running)) in self.buses.iter_mut().zip(&other.buses).enumerate() {
+            bus.runs_as(running);
+            self.changed_buses.add(Set::of(index));
+        }
+    }
+
+    /// Whether no port holds a frame of it.
+    #[must_use]
+    pub fn has_nothing_out(&self) -> bool {
+        self.buses.iter().all(Bus::has_nothing_out)
     }
 
     /// The axes that are arming, armed, active or stopping, as of the latest event.
