@@ -11,6 +11,7 @@ pub mod nodes;
 pub mod outside;
 pub mod pins;
 pub mod reaction;
+pub mod replay;
 pub mod rs485_line;
 pub mod sections;
 pub mod serve;

@@ -8,10 +8,12 @@
 
 mod branch;
 mod builder;
+mod clock;
 mod core_thread;
 mod cut;
 mod flash;
 mod handles;
+mod hold;
 mod hse;
 mod images;
 mod names;
@@ -28,6 +30,7 @@ pub use builder::{Builder, ImageError, image_path};
 pub use cut::{AfterCut, Cut, Expected, FlashContents};
 pub use flash::FlashOperation;
 pub use handles::{CanNode, CanPort, Line, UartPort};
+pub use hold::Held;
 pub use images::ImageAreas;
 pub(crate) use names::{mangled, path};
 pub use pins::PinProbe;

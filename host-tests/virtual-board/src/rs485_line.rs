@@ -154,8 +154,19 @@ impl Rs485Line {
     /// Puts noise on the line from now on, one byte after the other; with `damaged`, without stop
     /// bits. Only the port hears it.
     pub fn disturb(&mut self, bytes: &[u8], damaged: bool, timeline: &mut Timeline<'_, '_>) {
-        let (now_ps, length_ps) = (picos(timeline.now()), self.settings.bit_ps * BITS_PER_BYTE);
-        for (start_ps, byte) in (0..).map(|nth| now_ps + nth * length_ps).zip(bytes) {
+        self.disturb_at(timeline.now(), bytes, damaged, timeline);
+    }
+
+    /// [`Rs485Line::disturb`] from an instant on.
+    pub fn disturb_at(
+        &mut self,
+        begin: VirtualNanos,
+        bytes: &[u8],
+        damaged: bool,
+        timeline: &mut Timeline<'_, '_>,
+    ) {
+        let (begin_ps, length_ps) = (picos(begin), self.settings.bit_ps * BITS_PER_BYTE);
+        for (start_ps, byte) in (0..).map(|nth| begin_ps + nth * length_ps).zip(bytes) {
             let end_ps = start_ps + length_ps;
             self.arrive(Arriving { source: Source::Noise, start_ps, end_ps, byte: *byte, damaged });
         }

@@ -179,7 +179,9 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Some(Command::Image(arguments)) => image::run(arguments, out),
         Some(Command::Explain { code }) => explain::run(code.as_deref(), out),
         Some(Command::Play(arguments)) => record::play(arguments, out),
-        Some(Command::Replay { file, around }) => flight::run(file, around.around, out),
+        Some(Command::Replay { file, around, image }) => {
+            flight::run(file, around.around, image.as_deref(), out)
+        }
         Some(Command::Plot(arguments)) => record::plot(arguments, out),
         Some(Command::Top(arguments)) => top::run(arguments, cli.port.as_deref(), out),
         Some(Command::Completion { shell }) => manual::completion(*shell),

@@ -26,6 +26,8 @@ use crate::json;
 use crate::native_request;
 use crate::output::to_json;
 
+pub use crate::delays::pairing::{asks, may_answer};
+
 /// Why something has no result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {

@@ -68,6 +68,9 @@ pub fn image_path() -> Result<PathBuf, ImageError> {
 pub struct Builder {
     part: Box<Chip>,
     image: Image,
+    /// What else lies in the flash.
+    beside: Vec<Image>,
+    vector_table: u32,
     started_by_rom: bool,
     bootloader: bool,
     pub(super) symbols: Symbols,
@@ -98,12 +101,30 @@ impl Builder {
         Ok(Self {
             part,
             image,
+            beside: Vec::new(),
+            vector_table: FLASH,
             started_by_rom: false,
             bootloader: false,
             symbols,
             names,
             instructions_per_second: board.usual_rate,
         })
+    }
+
+    /// Puts another image beside the one that runs.
+    /// Fails if the file is none.
+    pub fn beside(mut self, image: &Path) -> Result<Self, ImageError> {
+        self.beside.push(
+            Image::read(image, None)
+                .map_err(|error| ImageError::Unusable(image.to_owned(), error.to_string()))?,
+        );
+        Ok(self)
+    }
+
+    /// Starts what has its vector table there.
+    pub fn starting_at(mut self, vector_table: u32) -> Self {
+        self.vector_table = vector_table;
+        self
     }
 
     /// Which board it is.
@@ -190,6 +211,8 @@ impl Builder {
         let Self {
             part,
             image,
+            beside,
+            vector_table,
             started_by_rom,
             bootloader,
             symbols,
@@ -201,11 +224,12 @@ impl Builder {
                 let (at, image) = rom_bootloader(Board::of(&part));
                 (at, Some(image))
             }
-            false => (FLASH, None),
+            false => (vector_table, None),
         };
         let board = Board::of(&part);
         let bootloader = bootloader.then(|| waiting_bootloader(board));
-        let images: Vec<Image> = [Some(image), rom, bootloader].into_iter().flatten().collect();
+        let images = [Some(image), rom, bootloader].into_iter().flatten().chain(beside);
+        let images: Vec<Image> = images.collect();
         let firmware = digest(&images, None);
         let recorder = Recorder::new(symbols.get(RTT_SYMBOL).ok(), board);
         let board =

@@ -153,7 +153,7 @@ impl Machine {
 }
 
 /// A word as two halves, in the order of memory.
-fn halves(word: u32) -> [u16; 2] {
+pub(super) fn halves(word: u32) -> [u16; 2] {
     let [a, b, c, d] = word.to_le_bytes();
     [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
 }

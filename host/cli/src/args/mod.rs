@@ -328,14 +328,20 @@ pub enum Command {
     ///
     /// FILE is what a flight recorder has kept: a snapshot of the gateway and every event since.
     /// The core of the same build does it all again, and must end with the same trip at the same
-    /// microsecond; else the exit code is 1.
+    /// microsecond; with --image also the firmware of that build on an emulated board, within
+    /// 200 us. Else the exit code is 1.
     #[command(after_help = "Examples:\n  mgw sim --flight-recorder trip.mgfr\n  \
             mgw replay trip.mgfr                  20 ms before the trip and 20 ms of its stop\n  \
-            mgw replay trip.mgfr --around 2 --json")]
+            mgw replay trip.mgfr --around 2 --json\n  \
+            mgw trips show --save trip.mgfr && mgw replay trip.mgfr --image ~/motor-gateway")]
     Replay {
         /// The file
         #[arg(value_name = "FILE")]
         file: PathBuf,
+        /// Also on the image, which is built of these sources and run on the virtual board: those
+        /// of the commit that the recorded board runs; here where none are named
+        #[arg(long, value_name = "SOURCES", num_args = 0..=1, default_missing_value = ".")]
+        image: Option<PathBuf>,
         #[command(flatten)]
         around: Around,
     },

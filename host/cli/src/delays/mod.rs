@@ -3,7 +3,7 @@
 
 mod histogram;
 mod identity;
-mod pairing;
+pub mod pairing;
 mod recording;
 mod table;
 mod wire_time;

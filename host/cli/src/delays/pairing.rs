@@ -109,6 +109,18 @@ impl Pairing {
     }
 }
 
+/// What a frame asks of whom, whatever values come with it: protocol, id and command. `None` where no
+/// codec knows it as a request.
+pub fn asks(frame: &RawFrame) -> Option<(&'static str, u8, &'static str)> {
+    request(frame).map(|(node, request)| (request.protocol(), node, request.name()))
+}
+
+/// Whether one frame may be the reply to another, as the codecs match them.
+pub fn may_answer(asked: &RawFrame, came: &RawFrame) -> bool {
+    let Some((node, request)) = request(asked) else { return false };
+    replies(came).iter().any(|(from, reply)| *from == node && request.is_answered_by(node, reply))
+}
+
 impl Request {
     fn protocol(&self) -> &'static str {
         match self {

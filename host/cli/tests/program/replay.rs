@@ -1,9 +1,15 @@
 //! `mgw replay`, and `mgw sim --flight-recorder`.
 
 use std::fs;
+#[cfg(unix)]
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 
 use flight_recorder::Recording;
+#[cfg(unix)]
+use host_protocol::Trip;
+#[cfg(unix)]
+use mgw_cli::flight::OnImage;
 
 use crate::support::{Sim, json, mgw};
 
@@ -91,6 +97,61 @@ fn what_is_no_recording_or_plays_otherwise_is_refused_by_name() {
     assert!(text.contains("cannot read no/such.mgfr"), "{text}");
     let error = json(&mgw(&["--json", "replay", "no/such.mgfr"]).failure(1));
     assert_eq!(error["error"]["name"], "file");
+}
+
+/// Sources of a firmware whose virtual board answers what it is told to, and exits so.
+#[cfg(unix)]
+fn sources(name: &str, answer: &str, code: i32) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("mgw-{}-{name}", std::process::id()));
+    fs::create_dir_all(folder.join(".ci")).unwrap();
+    let player = folder.join(".ci/virtual-board");
+    let text = format!(
+        "#!/bin/sh\n[ $# = 2 ] && [ \"$1\" = replay ] && [ -f \"$2\" ] || exit 9\n\
+                        echo '{answer}'\nexit {code}\n"
+    );
+    fs::write(&player, text).unwrap();
+    fs::set_permissions(&player, fs::Permissions::from_mode(0o755)).unwrap();
+    folder
+}
+
+#[cfg(unix)]
+#[test]
+fn what_the_image_made_of_it_is_told_behind_what_the_core_made_of_it() {
+    let kept = trip("image");
+    let recorded = Recording::trip_of(&fs::read(&kept).unwrap()).unwrap();
+    let kept = kept.to_str().unwrap();
+    let late = |us: u64| {
+        let played = Trip { time_us: recorded.1.time_us + us, ..recorded.1 };
+        let left_out = vec!["lost frames".to_owned()];
+        OnImage { recorded, played: Some(played), causes: 7, left_out }
+    };
+    let answer = |us| serde_json::to_string(&late(us)).unwrap();
+
+    let folder = sources("same", &answer(150), 0);
+    let folder = folder.to_str().unwrap();
+    let text = mgw(&["replay", kept, "--image", folder]).success();
+    let lines: Vec<&str> = text.lines().rev().take(3).collect();
+    assert!(lines[0].starts_with("on image  t="), "{text}");
+    assert!(lines[0].ends_with("; 150 us later than recorded"), "{text}");
+    assert_eq!(lines[1], "left out  lost frames");
+    assert!(lines[2].starts_with("the same; the recording ends "), "{text}");
+    let lines = mgw(&["--json", "replay", kept, "--image", folder]).json_lines();
+    let last = lines.last().unwrap();
+    assert_eq!(last["event"], "replayed_on_image");
+    assert_eq!((&last["late_us"], &last["is_same"]), (&150.into(), &true.into()));
+    assert_eq!(last["played"]["reason"], "e_stop");
+
+    for (answer, code, expected) in [
+        (answer(201), 0, "the image does not trip as was recorded"),
+        ("nothing".to_owned(), 0, "virtual-board replay: expected"),
+        (answer(0), 1, "exit status: 1; it says above why"),
+    ] {
+        let folder = sources("otherwise", &answer, code);
+        let text = mgw(&["replay", kept, "--image", folder.to_str().unwrap()]).failure(1);
+        assert!(text.contains(expected), "{text}");
+    }
+    let text = mgw(&["replay", kept, "--image", "/tmp"]).failure(1);
+    assert!(text.contains("/tmp holds no sources of the firmware"), "{text}");
 }
 
 #[test]

@@ -1,5 +1,9 @@
 //! What a flight recorder has kept, played again: `mgw replay`.
 
+mod image;
+
+pub use image::OnImage;
+
 use std::io::Read;
 use std::path::Path;
 use std::time::Duration;
@@ -52,7 +56,7 @@ fn told(trip: Trip) -> (TripReason, u64) {
 }
 
 /// The board of a recording, for ever.
-fn leak(board: &RecordedBoard<'_>) -> &'static Board {
+pub fn leak(board: &RecordedBoard<'_>) -> &'static Board {
     fn text(text: &str) -> &'static str {
         Box::leak(text.into())
     }
@@ -310,8 +314,14 @@ pub fn is_same_trip((axis, trip): (u8, Trip), (other, others): (u8, Trip)) -> bo
     axis == other && told(trip) == told(others)
 }
 
-/// Plays a file and prints what happened `around` its trip, and whether it ended as recorded.
-pub fn run(file: &Path, around: Duration, out: Output) -> Result<(), Failure> {
+/// Plays a file and prints what happened `around` its trip, and whether it ended as recorded; then on
+/// the image of these sources, if any are named.
+pub fn run(
+    file: &Path,
+    around: Duration,
+    sources: Option<&Path>,
+    out: Output,
+) -> Result<(), Failure> {
     let path = file.display().to_string();
     let wrong = |why: String| Failure::NotReplayed { path: path.clone(), why };
     let mut bytes = Vec::new();
@@ -325,5 +335,6 @@ pub fn run(file: &Path, around: Duration, out: Output) -> Result<(), Failure> {
         return Err(wrong("it is longer than the memory of any flight recorder".to_owned()));
     }
     let recording = Recording::read_file(&bytes).map_err(|error| wrong(error.to_string()))?;
-    Told::new(&recording).map_err(wrong)?.print(around, out, wrong)
+    Told::new(&recording).map_err(&wrong)?.print(around, out, &wrong)?;
+    sources.map_or(Ok(()), |sources| image::run(sources, file, out, wrong))
 }

@@ -1,0 +1,65 @@
+//! Holds the processor at the entry of a function, says what that was called with, and lets it go.
+
+use std::time::Duration;
+
+use super::Machine;
+use super::plant::{Fault, Place, halves};
+
+/// Registers that a call passes.
+pub const ARGUMENTS: usize = 4;
+/// Where they are put: the end of the RAM of the STM32H743 that DMA reaches. The image has a few
+/// buffers at its begin.
+const PUT_AT: u32 = 0x2403_FFE0;
+/// Of the code below: where it stands still, and what lets it go on.
+const LOOP_AT: u64 = 8;
+const NOP: u16 = 0xBF00;
+/// How often it is looked whether the processor has come by.
+const LOOK: Duration = Duration::from_micros(1);
+
+/// Where the processor is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Held {
+    /// When it came there.
+    pub at: Duration,
+    /// The first four registers.
+    pub arguments: [u32; ARGUMENTS],
+}
+
+impl Machine {
+    /// Runs until this function is called, at most for `limit`; there the processor stands still,
+    /// interrupts as they are, until it is [let go](Self::let_go).
+    /// Panics if the image has no such function. For an STM32H743.
+    pub fn hold_at(&mut self, path: &str, limit: Duration) -> Option<Held> {
+        let entry = u32::try_from(self.names.get(path).address | 1).expect("32 bits");
+        let [put_low, put_high] = halves(PUT_AT);
+        let [entry_low, entry_high] = halves(entry);
+        // LDR r12 from PUT_AT below; STM r12, {r0-r3}; B . and what fills the word; LDR pc from the
+        // entry below (A7.7.44, A7.7.159, A7.7.12).
+        let code = vec![
+            0xF8DF, 0xC00C, 0xE88C, 0x000F, 0xE7FE, NOP, 0xF8DF, 0xF004, put_low, put_high,
+            entry_low, entry_high,
+        ];
+        self.plant(Place::Function(path), &Fault::Code(code));
+        let end = self.now() + limit;
+        while self.struck().is_none() {
+            if self.now() >= end {
+                self.heal();
+                return None;
+            }
+            self.run_for(LOOK);
+        }
+        // It has still to put them down.
+        self.run_for(LOOK);
+        let at = self.struck()?;
+        let bytes = self.read_memory(PUT_AT.into(), ARGUMENTS * size_of::<u32>());
+        let mut words = bytes.chunks_exact(4).map(|word| word.try_into().expect("four"));
+        let arguments = [(); ARGUMENTS].map(|()| u32::from_le_bytes(words.next().expect("read")));
+        Some(Held { at, arguments })
+    }
+
+    /// Lets a processor go on that is held.
+    pub fn let_go(&mut self) {
+        self.heal();
+        self.program(self.board().free_flash + LOOP_AT, &[NOP]);
+    }
+}

@@ -1,0 +1,281 @@
+//! What the outside does to a board: what a recording has of it, as causes on wires and pins.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use flight_recorder::Call;
+use gateway::{Event, Instant, Outgoing, Transmit};
+use host_protocol::{BusState, CanFrame, RawFrame};
+use virtual_stm32::fdcan::Wiring;
+
+use super::answers::Answers;
+
+/// What an interrupt and the task that it wakes take until the core is told.
+const NOTICED: Duration = Duration::from_micros(8);
+
+/// Between frames of which the next has waited for the end of the one before, with some reserve.
+const AT_ONCE: Duration = Duration::from_micros(20);
+
+/// Something that happens outside.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cause {
+    /// A frame comes on a CAN bus that answers nothing.
+    Frame {
+        /// Index of the bus.
+        bus: u8,
+        /// What comes.
+        frame: CanFrame,
+    },
+    /// Bytes of others come on an RS485 bus that answer nothing.
+    Bytes {
+        /// Index of the bus.
+        bus: u8,
+        /// What comes.
+        bytes: Vec<u8>,
+        /// Without stop bits.
+        damaged: bool,
+    },
+    /// A host sends bytes.
+    Host {
+        /// Index of the link.
+        link: u8,
+        /// What it sends.
+        bytes: Vec<u8>,
+    },
+    /// The cable of a CAN bus is shorted, cut, or whole again.
+    Cable {
+        /// Index of the bus.
+        bus: u8,
+        /// How it is.
+        cable: Wiring,
+    },
+    /// The chain of emergency stops opens, or closes.
+    EStop {
+        /// Whether it is open.
+        open: bool,
+    },
+}
+
+/// A cause, and when the gateway was told of what came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stimulus {
+    /// In the gateway's own time.
+    pub told: Instant,
+    /// What happened.
+    pub cause: Cause,
+}
+
+/// A call that was played, and the frame that it gave.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Played<'a> {
+    /// When it was made, in the gateway's own time.
+    pub at: Instant,
+    /// The call.
+    pub call: Call<'a>,
+    /// The frame for a bus.
+    pub transmit: Option<Transmit>,
+}
+
+/// What is known of a bus, call by call.
+#[derive(Debug, Clone, Default)]
+struct Bus {
+    /// Bytes of the gateway that come back, on RS485.
+    echo: usize,
+    /// What was asked there.
+    answers: Answers,
+    /// What each slot holds.
+    slots: HashMap<u8, RawFrame>,
+    /// When the last frame passed.
+    passed: Option<Instant>,
+    /// How its cable is.
+    cable: Option<Wiring>,
+}
+
+/// What the outside did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Outside {
+    /// By itself, in the order in which the gateway was told.
+    pub causes: Vec<Stimulus>,
+    /// When it was asked: of each bus.
+    pub answers: Vec<Answers>,
+    /// What nothing here can bring about, and when the gateway was told of it.
+    pub left_out: Vec<(Instant, String)>,
+}
+
+/// What happened outside. `buses`: how many there are.
+pub fn outside(calls: &[Played<'_>], buses: usize) -> Outside {
+    let mut buses = vec![Bus::default(); buses];
+    let (mut causes, mut left_out) = (Vec::new(), Vec::new());
+    for (index, Played { at: told, call, transmit }) in calls.iter().enumerate() {
+        let mut add = |told, cause| causes.push(Stimulus { told, cause });
+        match call {
+            Call::PollTransmit { bus } => {
+                let Some(Transmit { slot, frame }) = transmit else { continue };
+                let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
+                let frame = match frame {
+                    Outgoing::Can(frame) => RawFrame::Can(*frame),
+                    Outgoing::Serial(bytes) => {
+                        known.echo += bytes.len();
+                        RawFrame::Serial(bytes.iter().copied().collect())
+                    }
+                };
+                known.slots.insert(*slot, frame);
+            }
+            Call::Handle(Event::Transmitted { bus, slot }) => {
+                let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
+                known.passed = Some(*told);
+                if let Some(request) = known.slots.remove(slot) {
+                    known.answers.asked(*told, request);
+                }
+            }
+            Call::Handle(Event::CanReceived { bus, frame }) => {
+                let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
+                known.passed = Some(*told);
+                if !known.answers.came(*told, &RawFrame::Can(*frame)) {
+                    add(*told, Cause::Frame { bus: *bus, frame: *frame });
+                }
+            }
+            Call::Handle(Event::SerialReceived { bus, bytes }) => {
+                let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
+                let own = bytes.len().min(known.echo);
+                known.echo -= own;
+                if let Some(others) = bytes.get(own..).filter(|others| !others.is_empty())
+                    && !known.answers.bytes_came(*told, others)
+                {
+                    add(*told, Cause::Bytes { bus: *bus, bytes: others.to_vec(), damaged: false });
+                }
+            }
+            Call::Handle(Event::HostBytes { link, bytes }) => {
+                add(*told, Cause::Host { link: *link, bytes: bytes.to_vec() });
+            }
+            Call::Handle(Event::EStopInput { open }) => add(*told, Cause::EStop { open: *open }),
+            Call::Handle(Event::BusState { bus, state, .. }) => {
+                let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
+                let cable = match state {
+                    BusState::Active => Wiring::Connected,
+                    _ if goes_off(&calls[index..], *bus) => Wiring::Shorted,
+                    _ => Wiring::Cut,
+                };
+                if known.cable.unwrap_or(Wiring::Connected) != cable {
+                    known.cable = Some(cable);
+                    // It broke behind the last frame that passed.
+                    let passed = known.passed.filter(|_| cable != Wiring::Connected);
+                    let since = passed.unwrap_or(*told);
+                    add(since, Cause::Cable { bus: *bus, cable });
+                }
+            }
+            Call::Handle(Event::ReceiveOverflow { bus, .. })
+                if is_noise(&mut causes, *bus, *told) => {}
+            Call::Handle(event @ (Event::HostLineError { .. } | Event::ReceiveOverflow { .. })) => {
+                left_out.push((*told, format!("{event:?} at {} us", told.as_micros())))
+            }
+            _ => {}
+        }
+    }
+    causes.sort_by_key(|cause: &Stimulus| cause.told);
+    Outside { causes, answers: buses.into_iter().map(|bus| bus.answers).collect(), left_out }
+}
+
+/// Whether an error is that of bytes which have just come: then they came damaged.
+fn is_noise(causes: &mut [Stimulus], of: u8, now: Instant) -> bool {
+    match causes.last_mut() {
+        Some(Stimulus { told, cause: Cause::Bytes { bus, damaged, .. } })
+            if *bus == of && *told == now =>
+        {
+            *damaged = true;
+            true
+        }
+        _ => false,
+    }
+}
+
+/// Whether a bus that has errors goes off before it has none any more.
+fn goes_off(calls: &[Played<'_>], bus: u8) -> bool {
+    let states = calls.iter().filter_map(|played| match played.call {
+        Call::Handle(Event::BusState { bus: of, state, .. }) if of == bus => Some(state),
+        _ => None,
+    });
+    states.take_while(|state| *state != BusState::Active).any(|state| state == BusState::BusOff)
+}
+
+/// What a cause takes on its line.
+impl Cause {
+    /// The line that it takes a part of: a bus or a host link; those of a pin or a cable take none.
+    fn line(&self) -> Option<Line> {
+        match *self {
+            Self::Frame { bus, .. } | Self::Bytes { bus, .. } => Some(Line::Bus(bus)),
+            Self::Host { link, .. } => Some(Line::Host(link)),
+            Self::EStop { .. } | Self::Cable { .. } => None,
+        }
+    }
+
+    /// How long it takes until the gateway can be told of it. `bit`: how long one takes there.
+    fn lasts(&self, bit: Duration) -> Duration {
+        /// Of a press of the button, before it counts (src/tasks/safety.rs).
+        const PRESSED: Duration = Duration::from_millis(1);
+        const BITS_PER_BYTE: usize = 10;
+        let bits = |bits: usize| bit * u32::try_from(bits).unwrap_or(u32::MAX);
+        match self {
+            Self::Frame { frame, .. } => {
+                bits(crate::nodes::to_bus(frame).bits_until_valid() as usize)
+            }
+            Self::Bytes { bytes, .. } | Self::Host { bytes, .. } => {
+                bits(bytes.len() * BITS_PER_BYTE)
+            }
+            Self::EStop { open: true } => PRESSED,
+            Self::EStop { open: false } | Self::Cable { .. } => Duration::ZERO,
+        }
+    }
+}
+
+/// What frames and bytes come on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Line {
+    /// A bus, by its index.
+    Bus(u8),
+    /// A host link, by its index.
+    Host(u8),
+}
+
+/// When each begins, in the order in which they do, ns of the gateway's time: as late as the
+/// gateway can have been told of it and of what follows on the line. Who was busy was told late.
+/// `bit`: how long one takes on a line.
+pub fn begins(
+    stimuli: Vec<Stimulus>,
+    mut bit: impl FnMut(Line) -> Duration,
+) -> Vec<(i64, Stimulus)> {
+    let mut begins = HashMap::new();
+    let mut timed: Vec<(i64, Stimulus)> = Vec::with_capacity(stimuli.len());
+    for stimulus in stimuli.into_iter().rev() {
+        let line = stimulus.cause.line();
+        let lasts = nanos(stimulus.cause.lasts(line.map_or(Duration::ZERO, &mut bit)));
+        let told = nanos(Duration::from_micros(stimulus.told.as_micros())) - nanos(NOTICED);
+        let next = line.and_then(|line| begins.get(&line)).copied().unwrap_or(i64::MAX);
+        let begin = told.min(next) - lasts;
+        if let Some(line) = line {
+            begins.insert(line, begin);
+        }
+        timed.push((begin, stimulus));
+    }
+    timed.reverse();
+    // What follows at once has waited for the bus: nobody else came between.
+    let mut ends = HashMap::new();
+    for (begin, Stimulus { cause, .. }) in &mut timed {
+        let Some(line) = cause.line() else { continue };
+        let end = *begin + nanos(cause.lasts(bit(line)));
+        let before = ends.insert(line, end).unwrap_or(i64::MIN);
+        if matches!(cause, Cause::Frame { .. }) && *begin - before.max(0) < nanos(AT_ONCE) {
+            *begin -= nanos(AT_ONCE);
+        }
+    }
+    timed.sort_by_key(|(begin, _)| *begin);
+    timed
+}
+
+pub fn nanos(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+#[path = "tests/stimulus.rs"]
+mod tests;

@@ -1,0 +1,109 @@
+use gateway::Outgoing;
+
+use super::*;
+
+fn at(us: u64) -> Instant {
+    Instant::from_micros(us)
+}
+
+fn told<'a>(us: u64, event: Event<'a>) -> Played<'a> {
+    Played { at: at(us), call: Call::Handle(event), transmit: None }
+}
+
+fn frame(id: u16) -> CanFrame {
+    CanFrame::standard(id, &[0; 8]).expect("a frame")
+}
+
+fn serial(us: u64, bytes: &[u8]) -> Played<'_> {
+    told(us, Event::SerialReceived { bus: 0, bytes })
+}
+
+/// The gateway sends this on an RS485 bus, and hears it.
+fn sends(us: u64, bytes: &[u8]) -> Played<'static> {
+    let frame = Outgoing::Serial(bytes.iter().copied().collect());
+    let transmit = Some(Transmit { slot: 0, frame });
+    Played { at: at(us), call: Call::PollTransmit { bus: 0 }, transmit }
+}
+
+fn causes(calls: &[Played<'_>]) -> Vec<(u64, Cause)> {
+    let causes = outside(calls, 1).causes.into_iter();
+    causes.map(|Stimulus { told, cause }| (told.as_micros(), cause)).collect()
+}
+
+#[test]
+fn the_gateways_own_bytes_come_back_by_themselves() {
+    let calls = [sends(0, &[1, 2, 3]), serial(300, &[1, 2]), serial(400, &[3, 0x55])];
+    let noise = Cause::Bytes { bus: 0, bytes: vec![0x55], damaged: false };
+    assert_eq!(causes(&calls), [(400, noise)]);
+}
+
+#[test]
+fn bytes_that_count_as_lost_come_damaged() {
+    let lost = || told(100, Event::ReceiveOverflow { bus: 0, lost: 1 });
+    let noise = Cause::Bytes { bus: 0, bytes: vec![0x55], damaged: true };
+    assert_eq!(causes(&[serial(100, &[0x55]), lost()]), [(100, noise)]);
+    let alone = outside(&[lost()], 1);
+    assert_eq!((alone.causes.len(), alone.left_out.len()), (0, 1));
+}
+
+#[test]
+fn a_cable_breaks_behind_the_last_frame_that_passed() {
+    let state = |us, state| {
+        told(us, Event::BusState { bus: 0, state, transmit_errors: 0, receive_errors: 0 })
+    };
+    let passed = || told(100, Event::CanReceived { bus: 0, frame: frame(0x7FF) });
+    let cable = |cable| Cause::Cable { bus: 0, cable };
+    let first = (100, Cause::Frame { bus: 0, frame: frame(0x7FF) });
+    // Off in the end: shorted. Never off: nobody acknowledges.
+    let calls = [
+        passed(),
+        state(900, BusState::Passive),
+        state(1_500, BusState::BusOff),
+        state(9_000, BusState::Active),
+    ];
+    let shorted = (100, cable(Wiring::Shorted));
+    assert_eq!(causes(&calls), [first.clone(), shorted, (9_000, cable(Wiring::Connected))]);
+    let calls = [passed(), state(900, BusState::Passive)];
+    assert_eq!(causes(&calls), [first, (100, cable(Wiring::Cut))]);
+}
+
+const BIT: Duration = Duration::from_micros(1);
+
+/// Begin and number of each host message or frame, µs.
+fn begin(stimuli: &[(u64, Cause)]) -> Vec<i64> {
+    let stimuli = stimuli
+        .iter()
+        .map(|(us, cause)| Stimulus { told: at(*us), cause: cause.clone() })
+        .collect();
+    begins(stimuli, |_| BIT).iter().map(|(ns, _)| ns / 1_000).collect()
+}
+
+fn host(bytes: usize) -> Cause {
+    Cause::Host { link: 0, bytes: vec![7; bytes] }
+}
+
+#[test]
+fn who_was_busy_was_told_late() {
+    // Ten bytes last 100 µs, and an interrupt 8.
+    assert_eq!(begin(&[(1_000, host(10))]), [892]);
+    // Both were on the line before the first was told of.
+    assert_eq!(begin(&[(1_000, host(10)), (1_010, host(10))]), [802, 902]);
+    assert_eq!(begin(&[(1_000, host(10)), (2_000, host(10))]), [892, 1_892]);
+}
+
+#[test]
+fn a_frame_that_follows_at_once_has_waited_for_the_bus() {
+    let lasts = i64::from(crate::nodes::to_bus(&frame(1)).bits_until_valid());
+    let one = || Cause::Frame { bus: 0, frame: frame(1) };
+    let next = u64::try_from(1_000 + lasts).expect("positive");
+    let alone = 1_000 - 8 - lasts;
+    assert_eq!(begin(&[(1_000, one())]), [alone]);
+    assert_eq!(begin(&[(1_000, one()), (next, one())]), [alone, 992 - 20]);
+    assert_eq!(begin(&[(1_000, one()), (next + 20, one())]), [alone, 1_012]);
+}
+
+#[test]
+fn a_button_counts_when_it_has_been_pressed_for_a_millisecond() {
+    assert_eq!(begin(&[(5_000, Cause::EStop { open: true })]), [3_992]);
+    assert_eq!(begin(&[(5_000, Cause::EStop { open: false })]), [4_992]);
+}
