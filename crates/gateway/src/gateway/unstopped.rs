@@ -131,7 +131,11 @@ impl Gateway {
 
     #[inline(never)]
     fn reach_first(&mut self, bus: u8) {
-        while self.axes.which_on(Is::FirstStop, bus).is_empty() {
+        let needs = |core: &Self| {
+            let bus = core.buses.get(usize::from(bus));
+            bus.is_some_and(|bus| bus.needs_a_first_stop(core.latest, &core.axes))
+        };
+        while needs(self) {
             let here = self.axes.of(self.unstopped.axes().and(self.axes.on(bus)));
             let waits = |axis: &Axis| axis.transactions.has_with_port(|_| true);
             let first = here.min_by_key(|axis| (waits(axis), protocol::stop_id(&axis.config)));
