@@ -1,5 +1,5 @@
-//! Plays what a flight recorder has kept to the image, and prints what came of it as JSON, for `mgw
-//! replay --image`.
+//! Plays what a flight recorder has kept to the image, and prints what came of it as JSON, or why
+//! nothing did, for `mgw replay --image`.
 //!
 //! `.ci/virtual-board replay FILE` builds the image and runs it, in virtual time.
 
@@ -7,6 +7,7 @@ use std::error::Error;
 use std::path::Path;
 use std::process::ExitCode;
 
+use mgw_cli::flight::OnImage;
 use virtual_board::replay::{Images, replay};
 
 fn main() -> ExitCode {
@@ -17,17 +18,11 @@ fn main() -> ExitCode {
         eprintln!("usage: replay FILE");
         return ExitCode::from(2);
     };
-    match run(Path::new(file)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("{file}: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    let played = run(Path::new(file)).map_err(|error| error.to_string());
+    println!("{}", serde_json::to_string(&played).expect("it has words for all of it"));
+    ExitCode::SUCCESS
 }
 
-fn run(file: &Path) -> Result<(), Box<dyn Error>> {
-    let played = replay(&Images::named()?, &std::fs::read(file)?)?;
-    println!("{}", serde_json::to_string(&played)?);
-    Ok(())
+fn run(file: &Path) -> Result<OnImage, Box<dyn Error>> {
+    Ok(replay(&Images::named()?, &std::fs::read(file)?)?)
 }

@@ -6,6 +6,7 @@ mod desk;
 mod stage;
 mod stimulus;
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -22,6 +23,9 @@ use stimulus::{Played, begins, outside};
 /// The core begins with a call so long after the one before, µs: it never sees its time go
 /// backwards.
 const PAUSE_US: u64 = 40;
+
+/// What frames of the host protocol end with.
+const DELIMITER: u8 = 0;
 
 /// What is needed of a build.
 #[derive(Debug, Clone)]
@@ -65,9 +69,11 @@ pub enum ReplayError {
     },
     /// No core was found in the image's memory.
     NoCore,
+    /// The image was not told of what it was to begin with.
+    NotTold,
     /// The board does not do what it is asked to before the recording begins.
     Board(String),
-    /// That bus was open for raw frames.
+    /// That bus was open and took no usual part in what happened there.
     OpenBus(u8),
     /// Nowhere in it may an image begin.
     NoBegin,
@@ -96,11 +102,15 @@ impl fmt::Display for ReplayError {
                 write!(f, "it was recorded by build {recorded}; the image is of build {image}")
             }
             Self::NoCore => f.write_str("the image's core was not found in its memory"),
+            Self::NotTold => {
+                f.write_str("the image was not told of what it was to begin with")
+            }
             Self::Board(why) => write!(f, "the board was not set up: {why}"),
-            Self::OpenBus(bus) => write!(f, "bus {bus} was open for raw frames"),
+            Self::OpenBus(bus) => write!(f, "bus {bus} was open to listen, or to send once"),
             Self::NoBegin => f.write_str(
                 "an image can begin nowhere before the trip: it needs something that comes over a \
-                 wire when no frame of the gateway is under way, and half a second after the start",
+                 wire when no frame of the gateway is under way, 0.4 s after the start, 1.2 s where \
+                 a host speaks over USB",
             ),
             Self::Baud { link, baud } => {
                 write!(f, "host link {link} ran at {baud} baud; only {DEFAULT_BAUD} is played")
@@ -195,17 +205,25 @@ fn begin<'a>(
     let (mut begin, mut before): (Option<Begin<'a>>, _) = (None, Instant::from_micros(0));
     // The core as it is before the next call is asked for behind the one before.
     let mut ready = None;
+    // Of the host links on which a part of a frame has come: the line keeps it until the rest has.
+    let mut inside = BTreeSet::new();
     while let Some(step) = replay.step() {
         let Ok(Step { at, call, transmit }) = step else { continue };
         let played = Played { at, call, transmit };
         match &mut begin {
             Some(begin) => begin.calls.push(played),
             None if at.as_micros() >= trip.time_us => break,
-            None if is_begin(&played, before, usb) && ready.is_some() => {
+            None if inside.is_empty() && is_begin(&played, before, usb) && ready.is_some() => {
                 let core: Vec<u8> = ready.take().unwrap_or_default();
                 begin = Some(Begin { at, core, calls: vec![played] });
             }
             None => {}
+        }
+        if let Call::Handle(Event::HostBytes { link, bytes }) = call {
+            match bytes.last() {
+                Some(&DELIMITER) => _ = inside.remove(&link),
+                _ => _ = inside.insert(link),
+            }
         }
         if begin.is_none() {
             let is_empty = replay.core().has_nothing_out();
@@ -219,7 +237,10 @@ fn begin<'a>(
 
 fn is_begin(played: &Played<'_>, before: Instant, usb: bool) -> bool {
     let at = played.at.as_micros();
-    let comes =
-        matches!(played.call, Call::Handle(Event::CanReceived { .. } | Event::HostBytes { .. }));
+    let comes = match played.call {
+        Call::Handle(Event::CanReceived { .. }) => true,
+        Call::Handle(Event::HostBytes { bytes, .. }) => bytes.last() == Some(&DELIMITER),
+        _ => false,
+    };
     comes && at >= ready_us(usb) && at - before.as_micros() >= PAUSE_US
 }

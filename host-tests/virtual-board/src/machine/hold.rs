@@ -10,9 +10,8 @@ pub const ARGUMENTS: usize = 4;
 /// Where they are put: the end of the RAM of the STM32H743 that DMA reaches. The image has a few
 /// buffers at its begin.
 const PUT_AT: u32 = 0x2403_FFE0;
-/// Of the code below: where it stands still, and what lets it go on.
-const LOOP_AT: u64 = 8;
-const NOP: u16 = 0xBF00;
+/// Behind them: whether it is let go.
+const LET_GO: u32 = PUT_AT + 16;
 /// How often it is looked whether the processor has come by.
 const LOOK: Duration = Duration::from_micros(1);
 
@@ -31,14 +30,15 @@ impl Machine {
     /// Panics if the image has no such function. For an STM32H743.
     pub fn hold_at(&mut self, path: &str, limit: Duration) -> Option<Held> {
         let entry = u32::try_from(self.names.get(path).address | 1).expect("32 bits");
-        let [put_low, put_high] = halves(PUT_AT);
-        let [entry_low, entry_high] = halves(entry);
-        // LDR r12 from PUT_AT below; STM r12, {r0-r3}; B . and what fills the word; LDR pc from the
-        // entry below (A7.7.44, A7.7.159, A7.7.12).
-        let code = vec![
-            0xF8DF, 0xC00C, 0xE88C, 0x000F, 0xE7FE, NOP, 0xF8DF, 0xF004, put_low, put_high,
-            entry_low, entry_high,
+        // LDR r12 from PUT_AT below; STM r12, {r0-r3}; LDR r12 from LET_GO below; LDR r12, [r12];
+        // CMP r12, #0; BEQ to the second LDR, and what fills the word; LDR pc from the entry below
+        // (A7.7.44, A7.7.159, A7.7.43, A7.7.27, A7.7.12).
+        let mut code = vec![
+            0xF8DF, 0xC018, 0xE88C, 0x000F, 0xF8DF, 0xC014, 0xF8DC, 0xC000, 0xF1BC, 0x0F00, 0xD0F8,
+            0xBF00, 0xF8DF, 0xF008,
         ];
+        code.extend([PUT_AT, LET_GO, entry].into_iter().flat_map(halves));
+        self.write_memory(LET_GO.into(), &[0; 4]);
         self.plant(Place::Function(path), &Fault::Code(code));
         let end = self.now() + limit;
         while self.struck().is_none() {
@@ -60,6 +60,6 @@ impl Machine {
     /// Lets a processor go on that is held.
     pub fn let_go(&mut self) {
         self.heal();
-        self.program(self.board().free_flash + LOOP_AT, &[NOP]);
+        self.write_memory(LET_GO.into(), &[1; 4]);
     }
 }

@@ -24,7 +24,13 @@ const LINE_PATIENCE_US: u64 = 20_000;
 const D5_KIND: usize = 5;
 /// A frame of a serial line ends with a pause of so many bits.
 const PAUSE_BITS: u64 = 30;
+const BITS_PER_BYTE: u64 = 10;
+/// The gateway is told of a byte so much later behind it than of the end of a frame of its own.
+const NOTICED_PS: u64 = 15_000_000;
+/// Behind the last piece it was waited for a byte that did not come (src/line.rs), bits.
+const WAITED_BITS: u64 = 7;
 const PICOS_PER_NANO: u64 = 1_000;
+const PICOS_PER_MICRO: u64 = 1_000_000;
 const NANOS_PER_MICRO: i64 = 1_000;
 
 /// A request of the gateway, and what came of it.
@@ -33,8 +39,16 @@ pub struct Asked {
     /// When it had left, in the gateway's own time.
     left: Instant,
     request: RawFrame,
-    /// The reply, and how long behind that the gateway was told of it, µs.
-    reply: Option<(u64, RawFrame)>,
+    reply: Option<Reply>,
+}
+
+/// A reply.
+#[derive(Debug, Clone, PartialEq)]
+struct Reply {
+    frame: RawFrame,
+    /// How long behind the request the gateway was told of it, µs; on a line of each piece, with the
+    /// bytes up to its end.
+    told: Vec<(u64, usize)>,
 }
 
 /// Whether two requests ask the same of the same motor.
@@ -68,7 +82,7 @@ impl Answers {
             .filter(|asked| asked.reply.is_none() && may_answer(&asked.request, frame));
         let Some(asked) = waiting.next() else { return false };
         let behind = told.as_micros() - asked.left.as_micros();
-        asked.reply = Some((behind, frame.clone()));
+        asked.reply = Some(Reply { frame: frame.clone(), told: vec![(behind, 0)] });
         true
     }
 
@@ -76,23 +90,24 @@ impl Answers {
     pub fn bytes_came(&mut self, told: Instant, bytes: &[u8]) -> bool {
         let Some(Asked { left, request, reply }) = self.0.last_mut() else { return false };
         let behind = told.as_micros() - left.as_micros();
-        let whole = reply.as_ref().is_some_and(|(_, reply)| may_answer(request, reply));
+        let whole = reply.as_ref().is_some_and(|reply| may_answer(request, &reply.frame));
         if whole || behind > LINE_PATIENCE_US {
             return false;
         }
-        let (at, reply) = reply.get_or_insert((behind, RawFrame::Serial(Bytes::new())));
-        let RawFrame::Serial(reply) = reply else { return false };
-        *at = behind;
-        reply.extend_from_slice(bytes).is_ok()
+        let nothing = || Reply { frame: RawFrame::Serial(Bytes::new()), told: Vec::new() };
+        let Reply { frame, told } = reply.get_or_insert_with(nothing);
+        let RawFrame::Serial(reply) = frame else { return false };
+        let fits = reply.extend_from_slice(bytes).is_ok();
+        told.push((behind, reply.len()));
+        fits
     }
 
-    /// The reply to a request that leaves now, and how long behind that the gateway is told of it,
-    /// µs: that of the request of its kind that left at about that time.
-    fn reply_to(&self, request: &RawFrame, now_us: i64) -> Option<(u64, &RawFrame)> {
+    /// The reply to a request that leaves now: that of the request of its kind that left at about
+    /// that time.
+    fn reply_to(&self, request: &RawFrame, now_us: i64) -> Option<&Reply> {
         let kind = self.0.iter().filter(|asked| is_same_kind(&asked.request, request));
         let away = |asked: &&Asked| now_us.abs_diff(asked.left.as_micros().cast_signed());
-        let (behind, reply) = kind.min_by_key(away)?.reply.as_ref()?;
-        Some((*behind, reply))
+        kind.min_by_key(away)?.reply.as_ref()
     }
 }
 
@@ -105,11 +120,27 @@ struct Script {
 }
 
 impl Script {
-    /// The reply to a request that has left now, and when it has come.
-    fn reply_to(&self, request: &RawFrame, now: VirtualNanos) -> Option<(VirtualNanos, &RawFrame)> {
+    /// The reply to a request that has left now, and when it begins, `bit_ps` being what a bit takes:
+    /// so late that the gateway can have been told of each piece when it was.
+    fn reply_to(
+        &self,
+        request: &RawFrame,
+        now: VirtualNanos,
+        bit_ps: u64,
+    ) -> Option<(VirtualNanos, &RawFrame)> {
         let now_us = (now.0.cast_signed() - self.zero_ns) / NANOS_PER_MICRO;
-        let (behind, reply) = self.answers.reply_to(request, now_us)?;
-        Some((VirtualNanos(now.0 + behind * NANOS_PER_MICRO.unsigned_abs()), reply))
+        let Reply { frame, told } = self.answers.reply_to(request, now_us)?;
+        let begins = (1..).zip(told).map(|(piece, (behind, bytes))| {
+            let lasts = match frame {
+                RawFrame::Can(frame) => u64::from(to_bus(frame).bits_until_valid()) * bit_ps,
+                RawFrame::Serial(_) => {
+                    let waited = if piece == told.len() { WAITED_BITS } else { 0 };
+                    (*bytes as u64 * BITS_PER_BYTE + waited) * bit_ps + NOTICED_PS
+                }
+            };
+            (behind * PICOS_PER_MICRO).saturating_sub(lasts)
+        });
+        Some((VirtualNanos(now.0 + begins.min()? / PICOS_PER_NANO), frame))
     }
 }
 
@@ -119,17 +150,16 @@ pub struct CanMotors {
     script: Script,
     /// What is to be sent, and from when on, the earliest first.
     waiting: Vec<(VirtualNanos, can::Frame)>,
-    /// ns.
-    bit: u64,
+    bit_ps: u64,
 }
 
-store!(CanMotors { values: [], parts: [], built: [script, waiting, bit] });
+store!(CanMotors { values: [], parts: [], built: [script, waiting, bit_ps] });
 
 impl CanMotors {
     /// Has them answer from now on. `zero_ns`: when the gateway's clock is at 0, of the machine's.
-    pub fn answer(&mut self, answers: Answers, zero_ns: i64, bit_ns: u64) {
+    pub fn answer(&mut self, answers: Answers, zero_ns: i64, bit_ps: u64) {
         self.script = Script { answers, zero_ns };
-        self.bit = bit_ns;
+        self.bit_ps = bit_ps;
     }
 
     /// Sends a frame as soon as the bus is free after `since`.
@@ -142,11 +172,9 @@ impl CanMotors {
 impl can::Peer for CanMotors {
     fn receive(&mut self, frame: &can::Frame, timeline: &mut Timeline<'_, '_>) {
         let Some(request) = from_bus(frame).map(RawFrame::Can) else { return };
-        let found = self.script.reply_to(&request, timeline.now());
-        if let Some((told, RawFrame::Can(reply))) = found {
+        let found = self.script.reply_to(&request, timeline.now(), self.bit_ps);
+        if let Some((since, RawFrame::Can(reply))) = found {
             let reply = *reply;
-            let lasts = u64::from(to_bus(&reply).bits_until_valid()) * self.bit;
-            let since = VirtualNanos(told.0.saturating_sub(lasts).max(timeline.now().0));
             self.send(since, &reply);
         }
     }
@@ -199,10 +227,9 @@ impl uart::Peer for LineMotors {
             return;
         }
         self.request.clear();
-        if let Some((told, RawFrame::Serial(reply))) = self.script.reply_to(&request, now) {
+        if let Some((since, RawFrame::Serial(reply))) = self.script.reply_to(&request, now, bit_ps)
+        {
             let reply = reply.to_vec();
-            let lasts = reply.len() as u64 * 10 * bit_ps / PICOS_PER_NANO;
-            let since = VirtualNanos(told.0.saturating_sub(lasts).max(now.0));
             self.line.disturb_at(since, &reply, false, timeline);
         }
     }

@@ -184,7 +184,7 @@ impl Stage {
         (begin, first): &(i64, Stimulus),
     ) -> Result<Done, ReplayError> {
         self.play(*begin, first);
-        self.hold(SOON).ok_or(ReplayError::NoCore)?;
+        self.hold(SOON).ok_or(ReplayError::NotTold)?;
         let done = self.take(core)?;
         self.machine.write_memory(self.core, &done.laid_out);
         self.machine.let_go();
@@ -195,8 +195,8 @@ impl Stage {
     pub fn answer(&mut self, answers: &[Answers]) {
         let zero_ns = self.zero_ns;
         for ((node, answers), bit) in self.motors.iter().zip(answers).zip(&self.bits) {
-            let bit_ns = u64::try_from(bit.as_nanos()).unwrap_or_default();
-            self.machine.node(*node).answer(answers.clone(), zero_ns, bit_ns);
+            let bit_ps = u64::try_from(bit.as_nanos() * 1_000).unwrap_or_default();
+            self.machine.node(*node).answer(answers.clone(), zero_ns, bit_ps);
         }
         let line = self.machine.line(self.rs485);
         if let Some(answers) = answers.last() {

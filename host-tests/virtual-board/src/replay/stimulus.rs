@@ -16,6 +16,12 @@ const NOTICED: Duration = Duration::from_micros(8);
 /// Between frames of which the next has waited for the end of the one before, with some reserve.
 const AT_ONCE: Duration = Duration::from_micros(20);
 
+/// A bus with errors on which no frame has passed for so long is dead, µs.
+const DEAD_US: u64 = 5_000;
+/// It is whole so long before the next frame has passed: the frame itself, and one that failed, µs.
+const MENDED_US: u64 = 1_000;
+const FOR_EVER: Instant = Instant::from_micros(u64::MAX - 1);
+
 /// Something that happens outside.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cause {
@@ -87,8 +93,8 @@ struct Bus {
     slots: HashMap<u8, RawFrame>,
     /// When the last frame passed.
     passed: Option<Instant>,
-    /// How its cable is.
-    cable: Option<Wiring>,
+    /// Until when no frame passes.
+    dead_until: Option<Instant>,
 }
 
 /// What the outside did.
@@ -149,19 +155,22 @@ pub fn outside(calls: &[Played<'_>], buses: usize) -> Outside {
                 add(*told, Cause::Host { link: *link, bytes: bytes.to_vec() });
             }
             Call::Handle(Event::EStopInput { open }) => add(*told, Cause::EStop { open: *open }),
-            Call::Handle(Event::BusState { bus, state, .. }) => {
+            Call::Handle(event @ Event::BusState { bus, state, .. }) => {
                 let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
-                let cable = match state {
-                    BusState::Active => Wiring::Connected,
-                    _ if goes_off(&calls[index..], *bus) => Wiring::Shorted,
-                    _ => Wiring::Cut,
+                if *state == BusState::Active || known.dead_until.is_some_and(|end| *told <= end) {
+                    continue;
+                }
+                // Broken behind the last frame that passed, whole before the next.
+                let since = known.passed.unwrap_or(*told);
+                let Some((cable, end)) = dead_stretch(&calls[index..], *bus) else {
+                    left_out.push((*told, format!("{event:?} at {} us", told.as_micros())));
+                    continue;
                 };
-                if known.cable.unwrap_or(Wiring::Connected) != cable {
-                    known.cable = Some(cable);
-                    // It broke behind the last frame that passed.
-                    let passed = known.passed.filter(|_| cable != Wiring::Connected);
-                    let since = passed.unwrap_or(*told);
-                    add(since, Cause::Cable { bus: *bus, cable });
+                known.dead_until = Some(end.unwrap_or(FOR_EVER));
+                add(since, Cause::Cable { bus: *bus, cable });
+                if let Some(end) = end {
+                    let whole = Instant::from_micros(end.as_micros().saturating_sub(MENDED_US));
+                    add(whole, Cause::Cable { bus: *bus, cable: Wiring::Connected });
                 }
             }
             Call::Handle(Event::ReceiveOverflow { bus, .. })
@@ -189,13 +198,28 @@ fn is_noise(causes: &mut [Stimulus], of: u8, now: Instant) -> bool {
     }
 }
 
-/// Whether a bus that has errors goes off before it has none any more.
-fn goes_off(calls: &[Played<'_>], bus: u8) -> bool {
-    let states = calls.iter().filter_map(|played| match played.call {
-        Call::Handle(Event::BusState { bus: of, state, .. }) if of == bus => Some(state),
-        _ => None,
-    });
-    states.take_while(|state| *state != BusState::Active).any(|state| state == BusState::BusOff)
+/// What a bus that has errors has come to until the next frame passes, and when that was, if one
+/// did; `None` where frames go on passing.
+fn dead_stretch(calls: &[Played<'_>], bus: u8) -> Option<(Wiring, Option<Instant>)> {
+    let since = calls.first()?.at.as_micros();
+    let mut cable = Wiring::Cut;
+    for Played { at, call, .. } in calls {
+        match call {
+            Call::Handle(Event::BusState { bus: of, state: BusState::BusOff, .. })
+                if *of == bus =>
+            {
+                cable = Wiring::Shorted;
+            }
+            Call::Handle(
+                Event::CanReceived { bus: of, .. } | Event::Transmitted { bus: of, .. },
+            ) if *of == bus => {
+                let dead = cable == Wiring::Shorted || at.as_micros() - since >= DEAD_US;
+                return dead.then_some((cable, Some(*at)));
+            }
+            _ => {}
+        }
+    }
+    Some((cable, None))
 }
 
 /// What a cause takes on its line.

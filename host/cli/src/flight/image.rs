@@ -72,8 +72,9 @@ pub fn run(
     if !done.status.success() {
         return Err(failed(format!("{}; it says above why", done.status)));
     }
-    let on_image: OnImage =
+    let played: Result<OnImage, String> =
         serde_json::from_slice(&done.stdout).map_err(|error| failed(error.to_string()))?;
+    let on_image = played.map_err(&wrong)?;
     on_image.print(out)?;
     if on_image.is_same() {
         return Ok(());

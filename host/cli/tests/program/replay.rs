@@ -125,7 +125,8 @@ fn what_the_image_made_of_it_is_told_behind_what_the_core_made_of_it() {
         let left_out = vec!["lost frames".to_owned()];
         OnImage { recorded, played: Some(played), causes: 7, left_out }
     };
-    let answer = |us| serde_json::to_string(&late(us)).unwrap();
+    let words = |played: Result<OnImage, &str>| serde_json::to_string(&played).unwrap();
+    let answer = |us| words(Ok(late(us)));
 
     let folder = sources("same", &answer(150), 0);
     let folder = folder.to_str().unwrap();
@@ -143,6 +144,7 @@ fn what_the_image_made_of_it_is_told_behind_what_the_core_made_of_it() {
 
     for (answer, code, expected) in [
         (answer(201), 0, "the image does not trip as was recorded"),
+        (words(Err("the bus was open")), 0, "mgfr: the bus was open"),
         ("nothing".to_owned(), 0, "virtual-board replay: expected"),
         (answer(0), 1, "exit status: 1; it says above why"),
     ] {

@@ -38,11 +38,15 @@ fn asked() -> Answers {
 #[test]
 fn a_request_has_the_reply_of_its_kind_at_about_that_time() {
     let answers = asked();
-    let reply = |us| answers.reply_to(&can(0x141, &ANGLE), us);
-    assert_eq!(reply(0), Some((300, &angle(1))));
-    assert_eq!(reply(10_999), Some((300, &angle(1))));
-    assert_eq!(reply(11_001), Some((300, &angle(2))));
-    assert_eq!(reply(90_000), Some((300, &angle(2))));
+    let reply = |us| {
+        let Reply { frame, told } = answers.reply_to(&can(0x141, &ANGLE), us).expect("a reply");
+        assert_eq!(told, &[(300, 0)]);
+        frame
+    };
+    assert_eq!(reply(0), &angle(1));
+    assert_eq!(reply(10_999), &angle(1));
+    assert_eq!(reply(11_001), &angle(2));
+    assert_eq!(reply(90_000), &angle(2));
     // Of another motor nothing is known, and of a status that it was not answered.
     assert_eq!(answers.reply_to(&can(0x142, &ANGLE), 1_000), None);
     assert_eq!(answers.reply_to(&can(0x141, &STATUS), 1_000), None);
@@ -67,7 +71,17 @@ fn bytes_of_a_line_are_one_reply_until_it_is_whole() {
     assert!(answers.bytes_came(at(1_500), &stop[..5]));
     assert!(answers.bytes_came(at(2_300), &stop[5..]));
     assert!(!answers.bytes_came(at(2_400), &[0x55]), "noise behind it");
-    assert_eq!(answers.reply_to(&serial(&stop), 1_000), Some((1_300, &serial(&stop))));
+    let reply = Reply { frame: serial(&stop), told: vec![(500, 5), (1_300, 13)] };
+    assert_eq!(answers.reply_to(&serial(&stop), 1_000), Some(&reply));
+    // 5 bytes of 10 bits by 500 µs, 13 by 1300: the first piece says more about the begin.
+    let script = Script { answers: answers.clone(), zero_ns: 0 };
+    let begin = |bit_ns: u64| {
+        let now = VirtualNanos(1_000_000);
+        script.reply_to(&serial(&stop), now, bit_ns * 1_000).expect("a reply").0.0 - now.0
+    };
+    assert_eq!(begin(1_000), 435_000);
+    // The last is told of when seven bits more have passed.
+    assert_eq!(begin(9_200), 1_300_000 - 137 * 9_200 - 15_000);
     answers.asked(at(50_000), serial(&stop));
     assert!(!answers.bytes_came(at(70_001), &stop), "20 ms");
 }

@@ -47,24 +47,31 @@ fn bytes_that_count_as_lost_come_damaged() {
 }
 
 #[test]
-fn a_cable_breaks_behind_the_last_frame_that_passed() {
+fn a_cable_is_broken_between_the_frames_that_passed() {
     let state = |us, state| {
         told(us, Event::BusState { bus: 0, state, transmit_errors: 0, receive_errors: 0 })
     };
-    let passed = || told(100, Event::CanReceived { bus: 0, frame: frame(0x7FF) });
-    let cable = |cable| Cause::Cable { bus: 0, cable };
-    let first = (100, Cause::Frame { bus: 0, frame: frame(0x7FF) });
-    // Off in the end: shorted. Never off: nobody acknowledges.
+    let passed = |us| told(us, Event::CanReceived { bus: 0, frame: frame(0x7FF) });
+    let cable = |us, cable| (us, Cause::Cable { bus: 0, cable });
+    let comes = |us| (us, Cause::Frame { bus: 0, frame: frame(0x7FF) });
+    // Off in the end: shorted, whatever a start in between says.
     let calls = [
-        passed(),
+        passed(100),
         state(900, BusState::Passive),
         state(1_500, BusState::BusOff),
         state(9_000, BusState::Active),
+        state(9_500, BusState::BusOff),
+        passed(20_000),
     ];
-    let shorted = (100, cable(Wiring::Shorted));
-    assert_eq!(causes(&calls), [first.clone(), shorted, (9_000, cable(Wiring::Connected))]);
-    let calls = [passed(), state(900, BusState::Passive)];
-    assert_eq!(causes(&calls), [first, (100, cable(Wiring::Cut))]);
+    let whole = cable(19_000, Wiring::Connected);
+    assert_eq!(causes(&calls), [comes(100), cable(100, Wiring::Shorted), whole, comes(20_000)]);
+    // Never off: nobody acknowledges.
+    let calls = [passed(100), state(900, BusState::Passive)];
+    assert_eq!(causes(&calls), [comes(100), cable(100, Wiring::Cut)]);
+    // Frames go on passing: what disturbs some is not known.
+    let calls = [passed(100), state(900, BusState::Warning), passed(2_000)];
+    assert_eq!(causes(&calls), [comes(100), comes(2_000)]);
+    assert_eq!(outside(&calls, 1).left_out.len(), 1);
 }
 
 const BIT: Duration = Duration::from_micros(1);
