@@ -335,6 +335,6 @@ pub fn run(
         return Err(wrong("it is longer than the memory of any flight recorder".to_owned()));
     }
     let recording = Recording::read_file(&bytes).map_err(|error| wrong(error.to_string()))?;
-    Told::new(&recording).map_err(&wrong)?.print(around, out, &wrong)?;
+    Told::new(&recording).map_err(&wrong)?.print(around, out, wrong)?;
     sources.map_or(Ok(()), |sources| image::run(sources, file, out, wrong))
 }
