@@ -14,6 +14,7 @@ use flight_recorder::{Call, Recording, Replay, Step};
 use gateway::{Event, Gateway, Instant, MAX_SNAPSHOT};
 use host_protocol::{DEFAULT_BAUD, Trip};
 use mgw_cli::flight::{OnImage, leak};
+use mgw_client::ClientError;
 
 use crate::board::Board;
 use crate::machine::{ImageError, image_path};
@@ -120,6 +121,12 @@ impl fmt::Display for ReplayError {
 }
 
 impl std::error::Error for ReplayError {}
+
+impl From<ClientError> for ReplayError {
+    fn from(error: ClientError) -> Self {
+        Self::Board(error.to_string())
+    }
+}
 
 impl From<ImageError> for ReplayError {
     fn from(error: ImageError) -> Self {

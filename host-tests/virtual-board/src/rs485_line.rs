@@ -13,7 +13,8 @@ use rigless::snapshot::store;
 use rigless::time::{EventId, VirtualNanos};
 use serde::{Deserialize, Serialize};
 
-use self::sampler::{BITS_PER_BYTE, Sampled, Sampler};
+pub(crate) use self::sampler::BITS_PER_BYTE;
+use self::sampler::{Sampled, Sampler};
 use crate::nodes::{Alarm, catch_up, since_start};
 use virtual_stm32::serial_port::{FarEnd, Settings};
 

@@ -17,11 +17,10 @@ use crate::host_uart::{HostUart, Received};
 use crate::machine::{Builder, CanPort, Line, Machine};
 use crate::nodes::instant;
 use crate::outside::Outside;
+use crate::rs485_line::BITS_PER_BYTE;
 use crate::usual;
 use virtual_stm32::fdcan::FrameRecord;
 
-/// Bits of a byte on a UART: start, 8 data, stop.
-const BITS_PER_BYTE: u64 = 10;
 /// Axes, each with an RMD motor: the first half on bus 0, the other on bus 1.
 pub(super) const AXES: u8 = 8;
 /// Bits per second of both buses.

@@ -9,12 +9,11 @@ use super::situation::Flood;
 use crate::board::serial_port;
 use crate::host_uart::HostUart;
 use crate::machine::UartPort;
+pub(super) use crate::rs485_line::BITS_PER_BYTE;
 use virtual_stm32::Chip;
 
 /// A sequence number that the client has not used lately.
 pub(super) const SEQUENCE: u16 = 0x7000;
-/// Of a byte on a UART: start, 8 data, stop.
-pub(super) const BITS_PER_BYTE: u64 = 10;
 const HOST_BITS_PER_SECOND: u32 = 921_600;
 
 /// What stops follow from.

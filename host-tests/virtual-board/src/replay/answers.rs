@@ -13,7 +13,7 @@ use rigless::time::{EventId, VirtualNanos};
 use virtual_stm32::serial_port::{FarEnd, Settings};
 
 use crate::nodes::{from_bus, to_bus};
-use crate::rs485_line::Rs485Line;
+use crate::rs485_line::{BITS_PER_BYTE, Rs485Line};
 
 /// A reply that comes so late answers nothing.
 const PATIENCE_US: u64 = 100_000;
@@ -24,7 +24,6 @@ const LINE_PATIENCE_US: u64 = 20_000;
 const D5_KIND: usize = 5;
 /// A frame of a serial line ends with a pause of so many bits.
 const PAUSE_BITS: u64 = 30;
-const BITS_PER_BYTE: u64 = 10;
 /// The gateway is told of a byte so much later behind it than of the end of a frame of its own.
 const NOTICED_PS: u64 = 15_000_000;
 /// Behind the last piece it was waited for a byte that did not come (src/line.rs), bits.

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use gateway::{Gateway, Instant};
-use host_protocol::{BusMode, ProtocolSet};
+use host_protocol::{BusMode, DEFAULT_BAUD, ProtocolSet};
 use mgw_client::Client;
 
 use super::answers::{Answers, CanMotors, LineMotors};
@@ -14,7 +14,7 @@ use super::stimulus::{Cause, Line as On, Stimulus, nanos};
 use super::{Images, ReplayError};
 use crate::board::Board;
 use crate::host_uart::HostUart;
-use crate::machine::{Builder, CanNode, CanPort, Held, Line, Machine, UartPort};
+use crate::machine::{Builder, CanNode, Held, Line, Machine, UartPort};
 use crate::nodes::instant;
 use crate::transport::BoardTransport;
 use crate::usb_session;
@@ -43,7 +43,9 @@ pub const fn ready_us(usb: bool) -> u64 {
 pub const USB: u8 = 2;
 const USB_BIT: Duration = Duration::from_nanos(83);
 /// Of the others, at the rate of a start.
-const HOST_BIT: Duration = Duration::from_nanos(1_085);
+fn host_bit() -> Duration {
+    Duration::from_secs(1) / DEFAULT_BAUD
+}
 
 /// The board.
 pub struct Stage {
@@ -72,8 +74,9 @@ impl Stage {
     ) -> Result<Self, ReplayError> {
         let board = Board::NucleoH743zi;
         let mut builder = Builder::of(board, &images.firmware)?.beside(&images.resume)?;
-        let ports = [CanPort::Bus0, CanPort::Bus1];
-        let motors = ports.map(|port| builder.can_node(port, CanMotors::default(), None)).to_vec();
+        let ports = board.can_ports.iter();
+        let motors =
+            ports.map(|port| builder.can_node(*port, CanMotors::default(), None)).collect();
         let rs485 = builder.line(UartPort::Rs485, LineMotors::default());
         let hosts =
             [UartPort::Host0, UartPort::Host1].map(|port| builder.line(port, HostUart::new()));
@@ -86,8 +89,7 @@ impl Stage {
             usb_session::connect(&mut machine);
         }
         let machine = Rc::new(RefCell::new(machine));
-        let mut client = Client::connect_as(BoardTransport::new(&machine, hosts[0]), SESSION, 1)
-            .map_err(|error| ReplayError::Board(error.to_string()))?;
+        let mut client = Client::connect_as(BoardTransport::new(&machine, hosts[0]), SESSION, 1)?;
         let mut bits = Vec::new();
         for bus in 0..board.rs485_bus() + 1 {
             let Some(setup) = core.bus_setup(bus) else {
@@ -97,12 +99,10 @@ impl Stage {
             if setup.mode != BusMode::Normal {
                 return Err(ReplayError::OpenBus(bus));
             }
-            client
-                .configure_bus(bus, setup.bitrate, ProtocolSet::of(&[]), false, REPLY_WINDOW)
-                .map_err(|error| ReplayError::Board(error.to_string()))?;
+            client.configure_bus(bus, setup.bitrate, ProtocolSet::of(&[]), false, REPLY_WINDOW)?;
             bits.push(Duration::from_secs(1) / setup.bitrate);
         }
-        client.release_authority().map_err(|error| ReplayError::Board(error.to_string()))?;
+        client.release_authority()?;
         drop(client);
         let machine = Rc::try_unwrap(machine).map_err(|_| ()).expect("the client is gone");
         let machine = machine.into_inner();
@@ -146,7 +146,7 @@ impl Stage {
         match line {
             On::Bus(bus) => self.bits[usize::from(bus)],
             On::Host(USB) => USB_BIT,
-            On::Host(_) => HOST_BIT,
+            On::Host(_) => host_bit(),
         }
     }
 
@@ -166,7 +166,7 @@ impl Stage {
             Cause::Host { link: USB, bytes } => self.machine.usb().send(bytes),
             Cause::Host { link, bytes } => self.send_host(usize::from(*link), bytes),
             Cause::Cable { bus, cable } => {
-                let port = [CanPort::Bus0, CanPort::Bus1][usize::from(*bus)];
+                let port = self.motors[usize::from(*bus)].port();
                 self.machine.wire_can(port, *cable);
             }
             Cause::EStop { open } => self.machine.open_e_stop(*open),

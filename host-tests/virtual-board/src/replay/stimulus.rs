@@ -9,6 +9,8 @@ use host_protocol::{BusState, CanFrame, RawFrame};
 use virtual_stm32::fdcan::Wiring;
 
 use super::answers::Answers;
+use crate::nodes::to_bus;
+use crate::rs485_line::BITS_PER_BYTE;
 
 /// What an interrupt and the task that it wakes take until the core is told.
 const NOTICED: Duration = Duration::from_micros(8);
@@ -222,7 +224,6 @@ fn dead_stretch(calls: &[Played<'_>], bus: u8) -> Option<(Wiring, Option<Instant
     Some((cable, None))
 }
 
-/// What a cause takes on its line.
 impl Cause {
     /// The line that it takes a part of: a bus or a host link; those of a pin or a cable take none.
     fn line(&self) -> Option<Line> {
@@ -237,14 +238,11 @@ impl Cause {
     fn lasts(&self, bit: Duration) -> Duration {
         /// Of a press of the button, before it counts (src/tasks/safety.rs).
         const PRESSED: Duration = Duration::from_millis(1);
-        const BITS_PER_BYTE: usize = 10;
-        let bits = |bits: usize| bit * u32::try_from(bits).unwrap_or(u32::MAX);
+        let bits = |bits: u64| bit * u32::try_from(bits).unwrap_or(u32::MAX);
         match self {
-            Self::Frame { frame, .. } => {
-                bits(crate::nodes::to_bus(frame).bits_until_valid() as usize)
-            }
+            Self::Frame { frame, .. } => bits(to_bus(frame).bits_until_valid().into()),
             Self::Bytes { bytes, .. } | Self::Host { bytes, .. } => {
-                bits(bytes.len() * BITS_PER_BYTE)
+                bits(bytes.len() as u64 * BITS_PER_BYTE)
             }
             Self::EStop { open: true } => PRESSED,
             Self::EStop { open: false } | Self::Cable { .. } => Duration::ZERO,

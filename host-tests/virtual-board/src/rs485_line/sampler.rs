@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Start bit, eight data bits, stop bit.
-pub(super) const BITS_PER_BYTE: u64 = 10;
+pub(crate) const BITS_PER_BYTE: u64 = 10;
 /// Data bits.
 const DATA_BITS: u8 = 8;
 
