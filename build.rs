@@ -19,8 +19,6 @@ struct Board {
     included: &'static [&'static str],
     /// Whether there is a loader for it, so that it takes images.
     has_loader: bool,
-    /// Whether it has a region of RAM for a flight recorder.
-    has_flight_recorder: bool,
 }
 
 const BOARDS: [Board; 2] = [
@@ -29,14 +27,12 @@ const BOARDS: [Board; 2] = [
         regions: "src/board/nucleo_h743zi.x",
         included: &["src/board/h743_layout.x"],
         has_loader: true,
-        has_flight_recorder: true,
     },
     Board {
         feature: "CARGO_FEATURE_NUCLEO_G474RE",
         regions: "src/board/nucleo_g474re.x",
         included: &[],
         has_loader: false,
-        has_flight_recorder: false,
     },
 ];
 
@@ -69,10 +65,7 @@ fn main() {
     }
     let board = board();
     choose_memory_regions(board);
-    println!("cargo::rustc-check-cfg=cfg(has_loader, has_flight_recorder)");
-    if board.has_flight_recorder {
-        println!("cargo::rustc-cfg=has_flight_recorder");
-    }
+    println!("cargo::rustc-check-cfg=cfg(has_loader)");
     if board.has_loader {
         println!("cargo::rustc-cfg=has_loader");
         build_loader();

@@ -20,9 +20,9 @@ mod serial;
 use embassy_stm32::pac;
 #[cfg(feature = "nucleo-g474re")]
 pub use nucleo_g474re::{
-    CAN_BUSES, CAN_TIMINGS, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort, WATCHDOG,
-    begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock, set_enable_output,
-    start, start_rom_bootloader,
+    CAN_BUSES, CAN_TIMINGS, FLIGHT_BYTES, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort,
+    WATCHDOG, begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock,
+    set_enable_output, start, start_rom_bootloader,
 };
 #[cfg(feature = "nucleo-h743zi")]
 pub use nucleo_h743zi::{

@@ -1,9 +1,5 @@
 //! The core as it is recorded, and the memory of the recorder.
 
-#[cfg(has_flight_recorder)]
-mod memory;
-#[cfg(not(has_flight_recorder))]
-#[path = "flight/no_memory.rs"]
 mod memory;
 
 use flight_recorder::Recorded;

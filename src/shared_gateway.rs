@@ -129,7 +129,7 @@ impl SharedGateway {
         let board = BOARD.init(board);
         let shared = SHARED.init_with(|| Self {
             parts: Mutex::new(RefCell::new(Parts {
-                core: Core::new(Gateway::uninit(board, random_number), memory),
+                core: Core::new(Gateway::uninit(board, random_number), board, memory),
                 kept,
                 can: [const { None }; CAN_BUSES],
                 first: 0,

@@ -131,7 +131,7 @@ impl Run {
         });
         let motors: Vec<MotorWiring> = motors.collect();
         let count = u8::try_from(motors.len()).map_err(|error| error.to_string())?;
-        let wiring = Wiring { board: &BOARD, motors, seed: 1, random_number: Some(1) };
+        let wiring = Wiring { motors, random_number: Some(1), ..Wiring::on(&BOARD) };
         let world = Rc::new(RefCell::new(World::try_new(wiring).map_err(|e| e.to_string())?));
         for motor in 0..usize::from(count) {
             world.borrow_mut().inject(motor, Injection::ReplyTime(Some(REPLY_TIME)));

@@ -9,6 +9,7 @@ use flight_recorder::{Recording, Unreadable};
 use host_protocol::TripReason;
 use host_tests::scenario;
 use mgw_cli::flight::{Replayed, play};
+use mgw_sim::FlightWiring;
 
 /// The reasons that scenarios reach; not those of a start (`Reset`), which no armed axis has, of
 /// the core's own mistakes (`Internal`), and of another axis's trip (`Group`), which is kept
@@ -98,6 +99,72 @@ fn every_trip_of_every_scenario_comes_again_at_the_same_microsecond() {
     }
     assert!(switched > 10, "{switched} recordings have two halves, whose states are compared");
     assert_eq!(reasons, REASONS.map(str::to_owned).into());
+}
+
+/// Bytes of each half on the NUCLEO-G474RE.
+const SMALL: usize = 6_016;
+
+/// Whether anything was kept, in one half or in two; then it is the same trip as with more memory.
+fn kept_in(half: usize, turns: usize, name: &str) -> Option<usize> {
+    let flight = FlightWiring { half, turns };
+    let small = scenario::other_flight_recorder(&text(name), 1, flight).unwrap();
+    let recording = match Recording::read(&small) {
+        Err(Unreadable::Nothing) => return None,
+        recording => recording.unwrap(),
+    };
+    // What was kept until there was no room any more led to no trip.
+    recording.trip?;
+    let large = scenario::flight_recorder(&text(name), 1).unwrap();
+    assert_eq!(recording.trip, Recording::read(&large).unwrap().trip, "{name}, {flight:?}");
+    let replayed = again(&small);
+    assert!(replayed.is_same(), "{name}, {flight:?}: {replayed:?}");
+    Some(recording.halves.len())
+}
+
+/// A copy takes half of it.
+#[test]
+fn with_little_memory_less_is_kept_of_every_trip_and_it_comes_again_all_the_same() {
+    let mut switched = 0;
+    for name in scenarios() {
+        let memory = scenario::flight_recorder(&text(&name), 1).unwrap();
+        let has_trip = Recording::read(&memory).is_ok_and(|recording| recording.trip.is_some());
+        let kept = kept_in(SMALL, usize::MAX, &name);
+        assert_eq!(kept.is_some(), has_trip, "{name}");
+        switched += usize::from(kept == Some(2));
+    }
+    assert!(switched > 50, "{switched} recordings have two halves");
+}
+
+/// A gateway whose state has no room does what it does, and keeps nothing; where it grows out of
+/// it, what has led to a trip stays.
+#[test]
+fn with_too_little_memory_nothing_is_kept_or_it_comes_again() {
+    let mut some = 0;
+    for name in scenarios().iter().step_by(10) {
+        for half in [0, 2, 100, 500] {
+            assert_eq!(kept_in(half, usize::MAX, name), None, "{name}, {half} bytes");
+        }
+        for half in (1_000..5_000).step_by(500) {
+            some += usize::from(kept_in(half, usize::MAX, name).is_some());
+        }
+    }
+    assert!(some > 20, "{some} were kept");
+}
+
+/// A copy of which a few parts are made between two calls is the core all the same; one that does
+/// not keep up with it is given up.
+#[test]
+fn a_copy_that_is_made_while_the_core_goes_on_is_whole_or_none() {
+    let (mut some, mut none) = (0, 0);
+    for name in scenarios().iter().step_by(10) {
+        for turns in [4, 16, 32] {
+            match kept_in(SMALL, turns, name) {
+                Some(_) => some += 1,
+                None => none += 1,
+            }
+        }
+    }
+    assert!(some > 10 && none > 10, "{some} were kept, {none} were not");
 }
 
 /// When which axes trip, as it is told; in which order at one instant is not compared.

@@ -89,6 +89,8 @@ const PWR_CR5_R1MODE: u32 = 1 << 8;
 /// At least 1 us at half the frequency.
 const BOOST_CYCLES: u32 = 100;
 
+/// Bytes of the region FLIGHT.
+pub const FLIGHT_BYTES: usize = 12 * 1024;
 /// Its name.
 pub const NAME: &str = "nucleo-g474re";
 /// CAN buses, numbered first.

@@ -6,28 +6,24 @@ use core::ops::Range;
 use core::ptr::{copy_nonoverlapping, from_ref};
 use core::sync::atomic::{Ordering, compiler_fence};
 
-use flight_recorder::Shelf;
-use gateway::Gateway;
+use flight_recorder::{Places, Shelf, encode};
+use gateway::{Gateway, Part};
 use host_protocol::{BootReason, CHECKSUM};
 
 use crate::board::{BUILD_ID, FLIGHT_BYTES};
 use crate::{image, retained};
 
-/// Bytes of calls in each half.
-const CALLS: usize = (FLIGHT_BYTES - size_of::<Remembered>()) / 2 - size_of::<Gateway>();
+/// Bytes of each half.
+const HALF: usize = (FLIGHT_BYTES - size_of::<Remembered>()) / 2;
+/// Where there is room for it, a copy is the core as it lies in memory: while eight axes are served
+/// a thousand times a second there is no time to encode it.
+const IS_LARGE: bool = HALF >= 2 * size_of::<Gateway>();
+/// What a copy takes then.
+const CORE: usize = size_of::<Gateway>().next_multiple_of(size_of::<u32>());
 /// What is remembered takes no more bytes.
 const REMEMBERED_BYTES: usize = 240;
 /// The memory has something to remember.
 const MARK: u32 = 0x4D47_4652;
-
-const _: () = assert!(align_of::<Gateway>() >= align_of::<u32>(), "it is copied in words");
-
-/// A copy, and the calls behind it.
-#[repr(C, align(8))]
-struct Half {
-    copy: MaybeUninit<Gateway>,
-    calls: [u8; CALLS],
-}
 
 /// Where what was kept is found after a reset. The mark is written last, and makes the words before
 /// it whole (ST AN5342, ECC on RAM).
@@ -39,6 +35,9 @@ struct Remembered {
     mark: [u32; 2],
 }
 
+#[repr(C, align(8))]
+struct Half([u8; HALF]);
+
 #[repr(C)]
 struct Region {
     halves: [Half; 2],
@@ -46,6 +45,9 @@ struct Region {
 }
 
 const _: () = assert!(size_of::<Region>() == FLIGHT_BYTES, "it fills the region");
+const _: () = assert!(align_of::<Gateway>() >= align_of::<u32>(), "it is copied in words");
+const _: () =
+    assert!(align_of::<Gateway>() <= align_of::<Half>(), "it is read where it was copied");
 
 struct Place(UnsafeCell<MaybeUninit<Region>>);
 
@@ -76,8 +78,8 @@ pub fn start(boot: BootReason, is_bare: bool) -> bool {
 
 /// The memory, for the one recorder; once. `is_kept`: as [`start`] has said.
 pub fn take(is_kept: bool) -> Memory {
-    // Safety: this is called once, so nobody else refers to it; bytes of calls and what is
-    // remembered may be any that were written, and of copies nothing is read before it is written.
+    // Safety: this is called once, so nobody else refers to it; its bytes and words may be
+    // any that were written.
     Memory { region: unsafe { (*PLACE.0.get()).assume_init_mut() }, is_kept }
 }
 
@@ -93,43 +95,62 @@ fn checksum(bytes: &[u8]) -> u32 {
     digest.finalize()
 }
 
-impl Memory {
-    fn half(&mut self, half: usize) -> &mut Half {
-        &mut self.region.halves[half & 1]
-    }
-}
-
 impl Shelf for Memory {
-    fn calls(&mut self, half: usize) -> &mut [u8] {
-        &mut self.half(half).calls
+    const IS_FAST: bool = IS_LARGE;
+
+    fn half(&self, half: usize) -> &[u8] {
+        &self.region.halves[half & 1].0
     }
 
-    fn read_calls(&self, half: usize) -> &[u8] {
-        &self.region.halves[half & 1].calls
+    fn half_mut(&mut self, half: usize) -> &mut [u8] {
+        &mut self.region.halves[half & 1].0
     }
 
-    fn copy(&mut self, half: usize, core: &Gateway, bytes: Range<usize>) {
-        const WORD: usize = size_of::<u32>();
-        let from = from_ref(core).cast::<u32>();
-        let to = self.half(half).copy.as_mut_ptr().cast::<u32>();
-        let first = bytes.start / WORD;
-        defmt::debug_assert!(bytes.end <= size_of::<Gateway>());
-        // Safety: the bytes are whole words of the core, which is aligned to words as the copy is,
-        // and both are as long. What is copied is not looked at.
-        unsafe { copy_nonoverlapping(from.add(first), to.add(first), bytes.len() / WORD) };
-    }
-
-    fn complete(&mut self, half: usize, core: &Gateway) {
-        for bytes in core.rest_to_copy() {
-            self.copy(half, core, bytes);
+    fn copy(
+        &mut self,
+        half: usize,
+        length: usize,
+        places: &mut Places,
+        core: &Gateway,
+        index: usize,
+    ) -> Option<usize> {
+        if !IS_LARGE {
+            return self.encode(half, length, places, core, index);
         }
+        let to = self.half_mut(half).as_mut_ptr().cast::<u32>();
+        let from = from_ref(core).cast::<u32>();
+        for Range { start, end } in core.bytes_of(index) {
+            const WORD: usize = size_of::<u32>();
+            // Safety: these are whole words of the core, which is aligned to words as the half is,
+            // and has room in it. What is copied is not looked at.
+            unsafe {
+                copy_nonoverlapping(
+                    from.add(start / WORD),
+                    to.add(start / WORD),
+                    (end - start) / WORD,
+                );
+            }
+        }
+        Some(CORE)
     }
 
-    fn copied(&self, half: usize) -> Option<&Gateway> {
-        // Safety: the recorder asks for a copy when each of its bytes has been copied between two
+    fn read(
+        &self,
+        half: usize,
+        length: usize,
+        index: usize,
+        offset: usize,
+        out: &mut [u8],
+    ) -> usize {
+        if !IS_LARGE {
+            return self.decode(half, length, index, offset, out);
+        }
+        // Safety: the recorder reads of a copy when each of its bytes has been copied between two
         // calls to the core, and no call since has changed what it had copied before. A core owns
         // nothing outside of itself, and nothing happens at its end: its bytes are another core.
-        Some(unsafe { self.region.halves[half & 1].copy.assume_init_ref() })
+        // Axes that were never used are in none, nor are they looked at.
+        let core = unsafe { &*self.half(half).as_ptr().cast::<Gateway>() };
+        Part::of(core, index).map_or(0, |part| encode(&part, offset, out))
     }
 
     fn remember(&mut self, bytes: &[u8]) {

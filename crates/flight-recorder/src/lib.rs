@@ -18,6 +18,7 @@
 
 mod board;
 mod call;
+mod copy;
 mod file;
 mod log;
 mod recorded;
@@ -25,12 +26,12 @@ mod recorder;
 mod recording;
 mod replay;
 mod shelf;
-mod window;
 
 pub use board::RecordedBoard;
 pub use call::Call;
+pub use copy::{Places, encode};
 pub use recorded::Recorded;
 pub use recorder::Recorder;
 pub use recording::{Calls, Half, Recording, Unreadable};
 pub use replay::{Diverged, Replay, Step};
-pub use shelf::{NoShelf, Shelf};
+pub use shelf::Shelf;

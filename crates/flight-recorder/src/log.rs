@@ -11,12 +11,15 @@ pub struct Kept {
     pub number: Option<u32>,
     /// When the copy was made.
     pub since: Instant,
+    /// Bytes of it.
+    pub copy: usize,
     /// Bytes of calls.
     pub calls: usize,
 }
 
 impl Kept {
-    pub const NOTHING: Self = Self { number: None, since: Instant::from_micros(0), calls: 0 };
+    pub const NOTHING: Self =
+        Self { number: None, since: Instant::from_micros(0), copy: 0, calls: 0 };
 }
 
 /// What room for calls is left in a half.
@@ -70,14 +73,14 @@ impl Log {
     pub fn add(
         &mut self,
         half: &mut Kept,
-        calls: &mut [u8],
+        bytes: &mut [u8],
         now: Instant,
         call: &Call<'_>,
     ) -> Room {
         let now = now.max(self.last);
         let since_us = now.as_micros() - self.last.as_micros();
-        let room = calls.len();
-        let rest = calls.get_mut(half.calls..).unwrap_or_default();
+        let room = bytes.len() - half.copy.min(bytes.len());
+        let rest = bytes.get_mut(half.copy + half.calls..).unwrap_or_default();
         let Some(length) = call.encode(since_us, rest) else { return Room::None };
         half.calls += length;
         self.last = now;
@@ -87,8 +90,8 @@ impl Log {
     /// The same of a call that is nothing but its first byte, made at the time of the one before;
     /// whether it was, and there was room.
     #[inline(always)]
-    pub fn add_byte(&self, half: &mut Kept, calls: &mut [u8], now: Instant, first: u8) -> bool {
-        match calls.get_mut(half.calls) {
+    pub fn add_byte(&self, half: &mut Kept, bytes: &mut [u8], now: Instant, first: u8) -> bool {
+        match bytes.get_mut(half.copy + half.calls) {
             Some(place) if now == self.last => {
                 *place = first | SAME_TIME;
                 half.calls += 1;

@@ -5,8 +5,8 @@ use crate::recorder::Recorder;
 use crate::shelf::Shelf;
 use core::ops::Deref;
 use gateway::{
-    Changes, Event, FlightPage, FlightRead, FlightReadError, Gateway, Instant, LogEntry, Save,
-    Store, Transmit,
+    Board, Changes, Event, FlightPage, FlightRead, FlightReadError, Gateway, Instant, LogEntry,
+    Save, Store, Transmit,
 };
 use host_protocol::MAX_FRAME;
 
@@ -19,10 +19,11 @@ pub struct Recorded<S> {
 }
 
 impl<S: Shelf> Recorded<S> {
-    /// Always inlined: a core is too large for the stack of a board.
+    /// A core and its board. Always inlined, and nothing is asked of the core: it is too large for
+    /// the stack of a board, and is made where it stays.
     #[inline(always)]
-    pub const fn new(core: Gateway, shelf: S) -> Self {
-        Self { recorder: Recorder::new(shelf), now: Instant::from_micros(0), core }
+    pub const fn new(core: Gateway, board: &'static Board, shelf: S) -> Self {
+        Self { recorder: Recorder::new(shelf, board), now: Instant::from_micros(0), core }
     }
 
     /// What the recorder has kept.
@@ -32,9 +33,7 @@ impl<S: Shelf> Recorded<S> {
 
     /// After a start: takes what the recorder had kept before a reset, if its memory has outlived it.
     pub fn recall(&mut self) {
-        if S::KEEPS {
-            self.recorder.recall();
-        }
+        self.recorder.recall();
     }
 
     /// Another core begins on this board. What the recorder has kept stays, where `keeps` says so.
@@ -70,9 +69,6 @@ impl<S: Shelf> Recorded<S> {
     /// Has the recorder look at what has come of the calls, and copy a part of the core where it
     /// wants a copy. Returns whether more is to be copied. When nothing more urgent is to do.
     pub fn go_on(&mut self, now: Instant) -> bool {
-        if !S::KEEPS {
-            return false;
-        }
         self.recorder.watch(&mut self.core, now);
         self.recorder.wants_copy() && self.recorder.copy_some(&mut self.core, now)
     }
@@ -143,9 +139,6 @@ impl<S: Shelf> Recorded<S> {
         FlightRead { part, offset }: FlightRead,
         out: &'a mut [u8],
     ) -> Result<FlightPage<'a>, FlightReadError> {
-        if !S::KEEPS {
-            return Err(FlightReadError::NoRecorder);
-        }
         self.recorder.watch(&mut self.core, now);
         if !self.recorder.end() {
             return Err(FlightReadError::Recording);

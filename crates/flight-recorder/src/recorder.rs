@@ -2,10 +2,11 @@
 
 use crate::board::RecordedBoard;
 use crate::call::{Call, Outcome};
+use crate::copy;
 use crate::file::{HalfHead, Head, MARK};
 use crate::log::{Kept, Log, Room};
 use crate::shelf::Shelf;
-use crate::window;
+use core::ops::Range;
 use gateway::{Board, FlightPage, Gateway, Instant, Part, Set};
 use heapless::Vec;
 use host_protocol::{BootReason, Trip, TripReason};
@@ -20,6 +21,9 @@ type Run = (BootReason, bool);
 const REMEMBERED_BYTES: usize = 160;
 /// What stands for the text of that report, which no host is told unasked.
 const A_CRASH_REPORT: &str = "that of the run that was recorded";
+/// A copy of a core that is at rest takes half of the parts, each in a turn; one that takes more turns
+/// than this is given up.
+const MOST_TURNS: usize = 4 * Part::COUNT;
 /// Parts before those of the copies: what a file begins with, and the calls of each half.
 const FIRST_PARTS: usize = 3;
 
@@ -33,7 +37,13 @@ pub struct Recorder<S> {
     /// A copy is to be made in the half that is not written, and the making has begun.
     wants_copy: bool,
     copies: bool,
+    /// Parts to be copied next, and how many turns this copy has taken.
+    pending: Range<usize>,
+    turns: usize,
+    places: copy::Places,
     halves: [Kept; 2],
+    /// Of the core that was copied last.
+    board: &'static Board,
     /// The half that is written.
     half: usize,
     /// Counts the halves that were begun; one that is no successor of the other begins anew.
@@ -67,13 +77,17 @@ fn new_trip(core: &Gateway, axes: Set) -> Option<(u8, Trip)> {
 
 impl<S: Shelf> Recorder<S> {
     /// A recorder that has kept nothing and waits.
-    pub const fn new(shelf: S) -> Self {
+    pub const fn new(shelf: S, board: &'static Board) -> Self {
         Self {
             shelf,
             state: State::Waits,
             wants_copy: false,
             copies: false,
+            pending: 0..0,
+            turns: 0,
+            places: [0; Part::COUNT],
             halves: [Kept::NOTHING; 2],
+            board,
             half: 0,
             number: 0,
             trip: None,
@@ -135,16 +149,10 @@ impl<S: Shelf> Recorder<S> {
         }
     }
 
-    /// The board of the copies.
-    fn board(&self) -> &'static Board {
-        let board = |(half, _): (usize, Kept)| self.shelf.copied(half).map(Gateway::board);
-        self.kept().last().and_then(board).unwrap_or_default()
-    }
-
     /// The run that was recorded.
     fn run(&self) -> Run {
-        let board = self.board();
-        self.run_before.unwrap_or((board.boot, !board.crash_report.is_empty()))
+        let Board { boot, crash_report, .. } = self.board;
+        self.run_before.unwrap_or((*boot, !crash_report.is_empty()))
     }
 
     /// Has the memory remember what is kept of a trip, or that there is none any more.
@@ -161,7 +169,7 @@ impl<S: Shelf> Recorder<S> {
     /// kept once; one that had is told of by [`sent`](Self::sent).
     #[inline(always)]
     pub fn note(&mut self, now: Instant, call: &Call<'_>) {
-        let is_kept = S::KEEPS && matches!(self.state, State::Records | State::Ends);
+        let is_kept = matches!(self.state, State::Records | State::Ends);
         if is_kept && self.log.is_news(call) && !self.keep_byte(now, call) {
             self.keep(now, call);
         }
@@ -173,14 +181,14 @@ impl<S: Shelf> Recorder<S> {
         let (first, is_all) = call.first();
         is_all
             && self.halves.get_mut(self.half).is_some_and(|half| {
-                self.log.add_byte(half, self.shelf.calls(self.half), now, first)
+                self.log.add_byte(half, self.shelf.half_mut(self.half), now, first)
             })
     }
 
     #[inline(never)]
     fn keep(&mut self, now: Instant, call: &Call<'_>) {
         let Some(half) = self.halves.get_mut(self.half) else { return };
-        match self.log.add(half, self.shelf.calls(self.half), now, call) {
+        match self.log.add(half, self.shelf.half_mut(self.half), now, call) {
             Room::Enough => {}
             Room::Little => self.wants_copy |= self.state == State::Records,
             // Where the copy behind which to go on takes longer than that, what passes until then
@@ -199,7 +207,7 @@ impl<S: Shelf> Recorder<S> {
     #[inline(always)]
     pub fn is_due(&self, core: &Gateway) -> bool {
         let wants = self.wants_copy || self.is_forgetful;
-        S::KEEPS && (wants || Outcome::has_changed(core, self.outcome))
+        wants || Outcome::has_changed(core, self.outcome)
     }
 
     /// Looks at what has come of the calls so far. It takes its time: the stops go first.
@@ -255,23 +263,42 @@ impl<S: Shelf> Recorder<S> {
         let other = 1 - self.half;
         if !core::mem::replace(&mut self.copies, true) {
             core.begin_copy();
+            (self.pending, self.places, self.turns) = (0..0, [0; Part::COUNT], 0);
             if let Some(half) = self.halves.get_mut(other) {
-                half.number = None;
+                *half = Kept::NOTHING;
             }
             // Before anything of what it had is written over.
             self.remember();
-        }
-        if let Some(bytes) = core.next_to_copy() {
-            self.shelf.copy(other, core, bytes);
-        }
-        core.next_deadline();
-        if core.has_more_to_copy() {
             return true;
         }
-        self.shelf.complete(other, core);
+        core.next_deadline();
+        if self.pending.is_empty() {
+            self.pending = core.next_to_copy().unwrap_or_default();
+        }
+        let Range { start, end } = self.pending;
+        let middle = if S::IS_FAST { end } else { end.min(start + 1) };
+        self.pending.start = middle;
+        let has_more = !self.pending.is_empty() || core.has_more_to_copy();
+        let last: &[usize] = if has_more { &[] } else { &Part::LAST };
+        let mut these = (start..middle).chain(last.iter().copied());
+        let fits = these.all(|part| self.copy_part(other, core, part));
+        self.turns += 1;
+        if !fits || (has_more && self.turns > MOST_TURNS) {
+            // A copy is larger than a half, or the core changes faster than it is copied: nothing
+            // can be kept, but what has led to a trip is.
+            (self.wants_copy, self.copies) = (false, false);
+            if self.state != State::Ends {
+                self.wait();
+            }
+            return false;
+        }
+        if has_more {
+            return true;
+        }
+        self.board = core.board();
         self.number = self.number.wrapping_add(1);
         if let Some(half) = self.halves.get_mut(other) {
-            *half = Kept { number: Some(self.number), since: now, calls: 0 };
+            (half.number, half.since) = (Some(self.number), now);
         }
         (self.half, self.log) = (other, Log::from(now));
         (self.wants_copy, self.copies) = (false, false);
@@ -279,6 +306,14 @@ impl<S: Shelf> Recorder<S> {
             self.state = State::Records;
         }
         false
+    }
+
+    /// Whether there was room for this part.
+    fn copy_part(&mut self, half: usize, core: &Gateway, index: usize) -> bool {
+        let Some(kept) = self.halves.get_mut(half) else { return false };
+        let copied = self.shelf.copy(half, kept.copy, &mut self.places, core, index);
+        kept.copy = copied.unwrap_or_default();
+        copied.is_some()
     }
 
     /// The halves that belong together, the older one first.
@@ -324,25 +359,24 @@ impl<S: Shelf> Recorder<S> {
                     calls: u32::try_from(kept.calls).unwrap_or(u32::MAX),
                 };
                 let halves: Vec<HalfHead, 2> = self.kept().map(half).collect();
-                let mut board = RecordedBoard::from(self.board());
+                let mut board = RecordedBoard::from(self.board);
                 if let Some((boot, has_report)) = self.run_before {
                     board.boot = boot;
                     board.crash_report = if has_report { A_CRASH_REPORT } else { "" };
                 }
                 let head = Head { trip: self.trip, halves, board };
-                window::encode(&(MARK, head), offset, out)
+                copy::encode(&(MARK, head), offset, out)
             }
             part @ 1..FIRST_PARTS => {
                 let Some((half, kept)) = self.kept().nth(part - 1) else { return 0 };
-                let calls = self.shelf.read_calls(half).get(..kept.calls).unwrap_or_default();
-                window::copy(calls, offset, out)
+                let calls = self.shelf.half(half).get(kept.copy..).unwrap_or_default();
+                let calls = calls.get(..kept.calls).unwrap_or_default();
+                copy::copy(calls, offset, out)
             }
             part => {
                 let part = part - FIRST_PARTS;
-                let half = self.kept().nth(part / Part::COUNT);
-                let core = half.and_then(|(half, _)| self.shelf.copied(half));
-                let part = core.and_then(|core| Part::of(core, part % Part::COUNT));
-                part.map_or(0, |part| window::encode(&part, offset, out))
+                let Some((half, kept)) = self.kept().nth(part / Part::COUNT) else { return 0 };
+                self.shelf.read(half, kept.copy, part % Part::COUNT, offset, out)
             }
         }
     }

@@ -9,8 +9,10 @@ use crate::axis::{Axis, Is, Look, Traffic};
 use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_BUSES};
+use core::fmt;
 use heapless::Vec;
-use serde::{Deserialize, Serialize};
+use serde::de::{SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// What is kept of all axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,7 +85,9 @@ impl Kept {
 pub(crate) struct Axes {
     /// Those that may have changed since they were settled.
     touched: Set,
-    /// Those that may have changed since they were copied.
+    /// Those that may have changed since all were made, when all are settled.
+    used: Set,
+    /// Those that may have changed since they were copied, when all are settled.
     #[serde(skip)]
     stale: Set,
     #[serde(skip)]
@@ -93,7 +97,32 @@ pub(crate) struct Axes {
     first_due: Option<Instant>,
     /// Buses whose traffic is another one than they know.
     new_traffic: Set,
+    #[serde(deserialize_with = "all")]
     axes: Vec<Axis, MAX_AXES>,
+}
+
+/// The axes of a snapshot, which has nothing of those that are still as they were made.
+fn all<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Axis, MAX_AXES>, D::Error> {
+    struct All;
+
+    impl<'de> Visitor<'de> for All {
+        type Value = Vec<Axis, MAX_AXES>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "{MAX_AXES} axes")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut given: A) -> Result<Self::Value, A::Error> {
+            let mut axes = Vec::new();
+            while let Some(axis) = given.next_element::<Option<Axis>>()? {
+                let index = u8::try_from(axes.len()).unwrap_or(u8::MAX);
+                let _ = axes.push(axis.unwrap_or(Axis::new(index)));
+            }
+            Ok(axes)
+        }
+    }
+
+    deserializer.deserialize_tuple(MAX_AXES, All)
 }
 
 impl Axes {
@@ -101,6 +130,7 @@ impl Axes {
         Self {
             axes: Vec::new(),
             touched: Set::NONE,
+            used: Set::NONE,
             stale: Set::NONE,
             kept: Kept::NONE,
             first_due: None,
@@ -119,11 +149,13 @@ impl Axes {
     /// The same axes, taken from a snapshot: what is kept of them, and the tables that they go
     /// through, are found again. `now`: when it was taken.
     pub fn attach(&mut self, now: Instant) {
+        let used = self.used;
         for axis in &mut self.axes {
             axis.attach();
             self.touched.add(Set::of(axis.index));
         }
         self.settle(now, now);
+        self.used = used;
         self.take_new_traffic();
     }
 
@@ -132,9 +164,7 @@ impl Axes {
     }
 
     pub fn get_mut(&mut self, index: usize) -> Option<&mut Axis> {
-        let one = Set::of(index);
-        self.touched.add(one);
-        self.stale.add(one);
+        self.touched.add(Set::of(index));
         self.axes.get_mut(index)
     }
 
@@ -229,7 +259,10 @@ impl Axes {
         // What becomes ready meanwhile is asked for before its tick comes.
         let is_later = now > after && self.first_due.is_none_or(|at| at <= now);
         let ripe = if is_later { self.due_by(now) } else { Set::NONE };
-        let touched = self.touched.take().with(ripe);
+        let touched = self.touched.take();
+        self.used.add(touched);
+        self.stale.add(touched);
+        let touched = touched.with(ripe);
         if touched.is_empty() {
             return Set::NONE;
         }
@@ -255,12 +288,22 @@ impl Axes {
 
     /// What a snapshot has before the axes; see [`Parts`](crate::gateway::Part).
     pub fn head(&self) -> impl Serialize {
-        (self.touched, self.new_traffic, self.axes.len())
+        (self.touched, self.used, self.new_traffic)
+    }
+
+    /// What a snapshot has of an axis: nothing of one that is still as it was made.
+    pub fn used(&self, index: usize) -> Option<&Axis> {
+        if Set::of(index).without(self.used).is_empty() { self.axes.get(index) } else { None }
     }
 
     /// Those that may have changed since they were copied.
     pub fn stale(&mut self) -> &mut Set {
         &mut self.stale
+    }
+
+    /// A copy begins: all that a snapshot has something of.
+    pub fn all_stale(&mut self) {
+        self.stale = self.used;
     }
 
     /// Whether no axis may have changed since.

@@ -26,6 +26,7 @@ use crate::outbox::{Outbox, Ticket};
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
 use crate::set::Set;
 use crate::time::Instant;
+use crate::tracked::Tracked;
 use crate::{MAX_AXES_WIRE, MAX_BUSES};
 use flight::FlightReading;
 use heapless::Vec;
@@ -44,8 +45,14 @@ pub struct Gateway {
     #[serde(skip)]
     pub(crate) board: &'static Board,
     pub(crate) axes: Axes,
-    pub(crate) buses: Vec<Bus, MAX_BUSES>,
+    pub(crate) buses: Vec<Tracked<Bus>, MAX_BUSES>,
     pub(crate) links: Links,
+    pub(crate) history: Tracked<History>,
+    /// Changes of the configuration that the host in command has not made yet.
+    pub(crate) draft: Tracked<Draft>,
+    pub(crate) stored: Tracked<Stored>,
+    pub(crate) image: Tracked<Image>,
+    pub(crate) names: Tracked<Names>,
     pub(crate) authority: Authority,
     /// The epoch of the latest arming of any axis; before the first the number from which they
     /// count. Without one nothing is armed.
@@ -65,14 +72,8 @@ pub struct Gateway {
     pub(crate) arming: Option<Arming>,
     pub(crate) cycle: Option<Cycle>,
     pub(crate) running: Option<Running>,
-    pub(crate) history: History,
     pub(crate) retention: Retention,
-    /// Changes of the configuration that the host in command has not made yet.
-    pub(crate) draft: Draft,
-    pub(crate) stored: Stored,
-    pub(crate) image: Image,
     pub(crate) flight_reading: Option<FlightReading>,
-    pub(crate) names: Names,
     /// When the latest event was handled.
     pub(crate) now: Instant,
     /// The latest time that an event or a poll was given.
@@ -122,13 +123,13 @@ impl Gateway {
             arming: None,
             cycle: None,
             running: None,
-            history: History::new(),
+            history: Tracked::new(History::new()),
             retention: Retention::new(),
-            draft: Draft::new(),
-            stored: Stored::new(),
-            image: Image::new(),
+            draft: Tracked::new(Draft::new()),
+            stored: Tracked::new(Stored::new()),
+            image: Tracked::new(Image::new()),
             flight_reading: None,
-            names: Names::new(),
+            names: Tracked::new(Names::new()),
             now: Instant::from_micros(0),
             latest: Instant::from_micros(0),
             touched_buses: Set::NONE,
@@ -150,7 +151,7 @@ impl Gateway {
         self.names.init();
         while let Some(port) = self.board.buses.get(self.buses.len()) {
             let index = u8::try_from(self.buses.len()).unwrap_or(u8::MAX);
-            if self.buses.push(Bus::new(index, *port)).is_err() {
+            if self.buses.push(Tracked::new(Bus::new(index, *port))).is_err() {
                 break;
             }
         }
@@ -463,13 +464,14 @@ impl Gateway {
     }
 
     pub(crate) fn bus(&self, bus: u8) -> Result<&Bus, Error> {
-        self.buses.get(usize::from(bus)).ok_or_else(|| self.unknown_bus(bus))
+        let found = self.buses.get(usize::from(bus));
+        found.map(|bus| &**bus).ok_or_else(|| self.unknown_bus(bus))
     }
 
     pub(crate) fn bus_mut(&mut self, bus: u8) -> Result<&mut Bus, Error> {
         let unknown = self.unknown_bus(bus);
         self.touch_buses(Set::of(bus));
-        self.buses.get_mut(usize::from(bus)).ok_or(unknown)
+        self.buses.get_mut(usize::from(bus)).map(|bus| &mut **bus).ok_or(unknown)
     }
 
     pub(crate) fn unknown_bus(&self, bus: u8) -> Error {
@@ -523,6 +525,6 @@ impl Gateway {
 }
 
 /// The bus with this number is none of these.
-pub(crate) fn unknown_bus(buses: &[Bus], bus: u8) -> Error {
+pub(crate) fn unknown_bus(buses: &[Tracked<Bus>], bus: u8) -> Error {
     Error::UnknownBus { bus, buses: u8::try_from(buses.len()).unwrap_or(u8::MAX) }
 }

@@ -1,9 +1,10 @@
 //! The last trips and starts (GUARANTEES G8).
 
+use crate::each::Each;
 use crate::set::Set;
 use host_protocol::replies::{IncidentPage, MAX_INCIDENTS};
 use host_protocol::{Incident, MaxSize, TripReason, Vec};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Incidents remembered.
 pub(crate) const INCIDENTS: usize = 16;
@@ -13,7 +14,7 @@ const WORD: usize = size_of::<u32>();
 pub(crate) const INCIDENT_WORDS: usize = 1 + Incident::MAX_SIZE.div_ceil(WORD);
 
 /// A ring; the place of an incident follows from its ordinal number.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 pub(crate) struct History {
     incidents: [Option<Incident>; INCIDENTS],
     /// The ordinal number of the next.
@@ -22,7 +23,35 @@ pub(crate) struct History {
     unsaved: Set,
 }
 
+/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+struct Piece<'a> {
+    history: &'a History,
+    piece: usize,
+}
+
+/// In the order of the fields.
+impl Serialize for Piece<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        const LAST: usize = History::PIECES - 1;
+        const THESE: usize = INCIDENTS.div_ceil(History::PIECES);
+        let History { incidents, next, unsaved } = self.history;
+        let these = Each(|| incidents.iter().skip(self.piece * THESE).take(THESE));
+        match self.piece {
+            LAST => (these, next, unsaved).serialize(to),
+            _ => these.serialize(to),
+        }
+    }
+}
+
 impl History {
+    /// Into how many pieces a snapshot divides it.
+    pub const PIECES: usize = 2;
+
+    /// One of them.
+    pub fn piece(&self, piece: usize) -> impl Serialize {
+        Piece { history: self, piece }
+    }
+
     pub const fn new() -> Self {
         Self { incidents: [None; INCIDENTS], next: 0, unsaved: Set::NONE }
     }

@@ -11,6 +11,7 @@ mod axis;
 mod bus;
 mod bus_rules;
 mod config;
+mod each;
 mod gateway;
 mod history;
 pub mod link;
@@ -24,6 +25,7 @@ pub mod set;
 #[cfg(feature = "state-text")]
 mod state_text;
 pub mod time;
+mod tracked;
 mod transaction;
 
 pub use bus::{Assumptions, AxisPlan, BusPlan};

@@ -1,16 +1,15 @@
 //! Frames out of a stream of bytes.
 
+use crate::filled::Filled;
 use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_MESSAGE};
-use serde::{Deserialize, Serialize};
-use serde_big_array::BigArray;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message
 /// is all it holds.
 ///
 /// Whatever arrives, the next delimiter starts afresh: garbage costs at most the frame it hits.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone)]
 pub struct Deframer {
-    #[serde(with = "BigArray")]
     message: [u8; MAX_MESSAGE],
     progress: Progress,
 }
@@ -32,6 +31,20 @@ const TOO_LONG: usize = MAX_MESSAGE + 1;
 impl Progress {
     /// Nothing has come since the last delimiter.
     const NONE: Self = Self { length: 0, missing: 0, zero_next: false };
+}
+
+/// What has come of the message, and how far.
+impl Serialize for Deframer {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        (Filled::of(&self.message, self.progress.length), self.progress).serialize(to)
+    }
+}
+
+impl<'de> Deserialize<'de> for Deframer {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let (come, progress) = <(Filled<'_>, Progress)>::deserialize(from)?;
+        Ok(Self { message: come.array()?, progress })
+    }
 }
 
 impl Default for Deframer {

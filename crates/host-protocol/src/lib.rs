@@ -39,6 +39,7 @@ mod error_text;
 mod errors;
 mod events;
 mod field_doc;
+mod filled;
 mod frame;
 mod image;
 mod incident;
@@ -71,6 +72,7 @@ pub use deframer::Deframer;
 pub use encode::{EncodeError, encode, encode_body};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};
 pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
+pub use filled::Filled;
 pub use frame::{
     CHECKSUM, CHECKSUM_SIZE, DELIMITER, Frame, FrameError, HEADER_SIZE, Kind, MAX_BODY, MAX_FRAME,
     MAX_MESSAGE,

@@ -19,7 +19,7 @@ mod steps;
 pub(crate) mod words;
 
 use bench::Bench;
-use mgw_sim::Wiring;
+use mgw_sim::{FlightWiring, Wiring};
 
 /// With how many seeds each scenario runs unless `MGW_SEEDS` says otherwise.
 const SEEDS: u64 = 8;
@@ -64,14 +64,31 @@ pub fn flight_recorder(text: &str, seed: u64) -> Result<Vec<u8>, String> {
     play(text, seed).map(|bench| bench.world.borrow().flight_record())
 }
 
+/// The same with another flight recorder.
+///
+/// # Errors
+/// As [`run`].
+pub fn other_flight_recorder(
+    text: &str,
+    seed: u64,
+    flight: FlightWiring,
+) -> Result<Vec<u8>, String> {
+    let wiring = Wiring { flight, ..Wiring::four_motors() };
+    play_on(wiring, text, seed).map(|bench| bench.world.borrow().flight_record())
+}
+
 fn play(text: &str, seed: u64) -> Result<Bench, String> {
+    play_on(Wiring::four_motors(), text, seed)
+}
+
+fn play_on(wiring: Wiring, text: &str, seed: u64) -> Result<Bench, String> {
     let lines = (1..).zip(text.lines()).map(|(number, line)| {
         let words: Vec<&str> = words::without_comment(line).split_whitespace().collect();
         (number, line, words)
     });
     let mut steps = lines.filter(|(_, _, words)| !words.is_empty()).peekable();
     // What hangs on the buses must be known before the world begins.
-    let mut wiring = Wiring { seed, ..Wiring::four_motors() };
+    let mut wiring = Wiring { seed, ..wiring };
     while let Some((number, line, words)) =
         steps.next_if(|(_, _, words)| words.first() == Some(&"motor"))
     {

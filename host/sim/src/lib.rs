@@ -39,5 +39,5 @@ pub use motors::{Beginning, Injection, LogEntry, Motor, MotorEvent, MotorLog, Ou
 pub use recording_file::RecordingFile;
 pub use serve::{FlightFile, Server, put_fault, serve};
 pub use transport::{SharedWorld, SimTransport};
-pub use wiring::{BOARD, MotorWiring, Wiring, WiringError};
+pub use wiring::{BOARD, FlightWiring, MotorWiring, Wiring, WiringError};
 pub use world::{TraceEntry, World};

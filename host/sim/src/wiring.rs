@@ -72,6 +72,22 @@ pub struct Wiring {
     /// What the board's random generator gives at the first start, from which epochs count; each
     /// later start gets another number. Nothing: it fails.
     pub random_number: Option<u32>,
+    /// The gateway's flight recorder.
+    pub flight: FlightWiring,
+}
+
+/// What a flight recorder has.
+#[derive(Debug, Clone, Copy)]
+pub struct FlightWiring {
+    /// Bytes of each half of its memory.
+    pub half: usize,
+    /// Its turns after each call to the core.
+    pub turns: usize,
+}
+
+impl FlightWiring {
+    /// Seconds of a busy bus, and as many turns as it takes.
+    const ENOUGH: Self = Self { half: 192 * 1024, turns: usize::MAX };
 }
 
 /// A motor that cannot be connected as asked.
@@ -106,7 +122,8 @@ pub enum WiringError {
 impl Wiring {
     /// A board without motors.
     pub fn on(board: &'static Board) -> Self {
-        Self { board, motors: Vec::new(), seed: 1, random_number: Some(0) }
+        let flight = FlightWiring::ENOUGH;
+        Self { board, motors: Vec::new(), seed: 1, random_number: Some(0), flight }
     }
 
     /// Connects a motor, at the bitrate usual for it.

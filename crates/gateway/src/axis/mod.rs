@@ -15,6 +15,7 @@ mod polls;
 mod restart;
 mod sequence;
 mod setpoint;
+mod snapshot;
 mod state;
 mod stop;
 mod stopping;
@@ -49,7 +50,7 @@ use host_protocol::{
 use outcome::Silence;
 use part::Part;
 use restart::RunTime;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use state::State;
 use telemetry::Telemetry;
 
@@ -60,7 +61,7 @@ const REFRESHES_IN_TIMEOUT: NonZeroU64 = NonZeroU64::new(3).unwrap();
 const REFRESH_UNKNOWN: Duration = Duration::from_millis(20);
 
 /// One axis of the gateway.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Axis {
     pub index: u8,
     pub config: AxisConfig,

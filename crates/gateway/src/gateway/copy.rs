@@ -1,63 +1,92 @@
-//! What of a gateway's memory has changed, for whoever copies it while it goes on: a copy in one
+//! Which parts of a gateway have changed, for whoever copies it while it goes on: a copy in one
 //! piece takes longer than a stop may wait.
 //!
-//! Axes and links are copied one by one, and again where a call has changed one meanwhile; when none
-//! is left, what remains is copied with the last one, and the copy is what the gateway is then. A
-//! gateway owns no other memory and needs no end, so its bytes, and they alone, are the copy.
+//! Parts are copied one by one, and again where a call has changed one meanwhile; when none is left,
+//! those that each call changes are copied with the last one, and the copy is what the gateway is
+//! then.
 
 use super::Gateway;
+use super::snapshot::Part;
 use crate::set::Set;
+use crate::tracked::Tracked;
 use core::ops::Range;
 use core::ptr::from_ref;
-
-/// Bytes of a gateway, counted from its first.
-type Bytes = Range<usize>;
 
 impl Gateway {
     /// A copy begins: nothing has been copied.
     pub fn begin_copy(&mut self) {
-        *self.axes.stale() = first(self.axes.iter().len());
-        *self.links.stale() = first(self.links.len());
+        self.axes.all_stale();
+        *self.links.stale() =
+            (0..self.links.len()).fold(Set::NONE, |all, index| all.with(Set::of(index)));
+        self.tracked().for_each(|(_, is_stale)| *is_stale = true);
     }
 
-    /// An axis or a link that may have changed since its bytes were given before; `None` where
-    /// there is none, and the [rest](Self::rest_to_copy) completes the copy.
-    pub fn next_to_copy(&mut self) -> Option<Bytes> {
-        if let Some(index) = take_one(self.axes.stale()) {
-            return self.axes.get(index).map(|axis| self.bytes_of(axis));
+    /// Parts that may have changed since they were given before, and may be copied one after the
+    /// other, when [`next_deadline`](Self::next_deadline) has worked out what they have; `None` where there are none, and [those that each call changes](Part::LAST) complete
+    /// the copy.
+    pub fn next_to_copy(&mut self) -> Option<Range<usize>> {
+        if let Some(axis) = take_one(self.axes.stale()) {
+            return Some(Part::of_axis(axis));
         }
-        let index = take_one(self.links.stale())?;
-        self.links.get(index).map(|link| self.bytes_of(link))
+        if let Some((parts, is_stale)) = self.tracked().find(|(_, is_stale)| **is_stale) {
+            *is_stale = false;
+            return Some(parts);
+        }
+        take_one(self.links.stale()).map(Part::of_link)
     }
 
-    /// Whether there is one.
+    /// Whether there are any.
     pub fn has_more_to_copy(&mut self) -> bool {
-        !self.axes.stale().is_empty() || !self.links.stale().is_empty()
+        !self.axes.stale().is_empty()
+            || !self.links.stale().is_empty()
+            || self.tracked().any(|(_, is_stale)| *is_stale)
     }
 
-    /// Everything but the axes and the links.
-    pub fn rest_to_copy(&self) -> [Bytes; 3] {
-        let mut taken =
-            [self.bytes_of_all(self.axes.iter().as_slice()), self.bytes_of_all(&self.links)];
-        if taken[1].start < taken[0].start {
-            taken.swap(0, 1);
+    /// The parts that are neither axes nor links, and whether they are stale.
+    fn tracked(&mut self) -> impl Iterator<Item = (Range<usize>, &mut bool)> {
+        let Self { buses, links, history, draft, stored, image, names, .. } = self;
+        let buses = (Part::BUSES..).map(Part::alone).zip(buses.iter_mut().map(Tracked::stale));
+        buses.chain([
+            (Part::OF_RING, links.ring_stale()),
+            (Part::OF_HISTORY, history.stale()),
+            (Part::alone(Part::DRAFT), draft.stale()),
+            (Part::alone(Part::STORED), stored.stale()),
+            (Part::alone(Part::IMAGE), image.stale()),
+            (Part::alone(Part::NAMES), names.stale()),
+        ])
+    }
+}
+
+/// Bytes of a gateway, counted from its first.
+type Bytes = Range<usize>;
+
+/// For whoever has room for the gateway as it lies in memory. It owns no other memory and needs no
+/// end, so these bytes, and they alone, are another one.
+impl Gateway {
+    /// Those to be copied with a part: all of an axis or a link with its first, and what else there
+    /// is with the last of all.
+    pub fn bytes_of(&self, part: usize) -> [Bytes; 3] {
+        let (axes, links) = (self.axes.iter().as_slice(), &*self.links);
+        if let Some(axis) = Part::axis_that_begins(part) {
+            return [self.bytes_at(axes.get(axis..=axis)), 0..0, 0..0];
         }
+        if let Some(link) = Part::link_that_begins(part) {
+            return [self.bytes_at(links.get(link..=link)), 0..0, 0..0];
+        }
+        if Part::LAST.last() != Some(&part) {
+            return [0..0, 0..0, 0..0];
+        }
+        let mut taken = [self.bytes_at(Some(axes)), self.bytes_at(Some(links))];
+        taken.sort_unstable_by_key(|bytes| bytes.start);
         let [first, second] = taken;
         [0..first.start, first.end..second.start, second.end..size_of::<Self>()]
     }
 
-    fn bytes_of<T>(&self, part: &T) -> Bytes {
-        self.bytes_of_all(core::slice::from_ref(part))
+    fn bytes_at<T>(&self, elements: Option<&[T]>) -> Bytes {
+        let Some(elements) = elements else { return 0..0 };
+        let start = elements.as_ptr().addr() - from_ref(self).addr();
+        start..start + size_of_val(elements)
     }
-
-    fn bytes_of_all<T>(&self, parts: &[T]) -> Bytes {
-        let start = parts.as_ptr().addr() - from_ref(self).addr();
-        start..start + size_of_val(parts)
-    }
-}
-
-fn first(count: usize) -> Set {
-    (0..count).fold(Set::NONE, |set, index| set.with(Set::of(index)))
 }
 
 fn take_one(set: &mut Set) -> Option<usize> {

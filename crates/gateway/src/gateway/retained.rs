@@ -18,7 +18,6 @@ mod states;
 pub use layout::RETAINED_WORDS;
 
 use crate::axis::{Axis, Is};
-use crate::bus::Bus;
 use crate::bus_rules;
 use crate::config::AxisConfig;
 use crate::gateway::Gateway;
@@ -296,7 +295,7 @@ impl Gateway {
         let states = self.retention.read(Place::States, words).and_then(States::from_words);
         let mut states = states.unwrap_or(States::NONE);
         self.retention.is_damaged |= states.flags & MIXED != 0;
-        self.history =
+        *self.history =
             History::restored(|index| self.retention.read(Place::Incident(index), words));
         self.retention.lost_incidents = self.history.save_again(self.retention.lost_incidents);
         self.restore_buses(now, words);
@@ -375,7 +374,7 @@ impl Gateway {
         let mut out = Outbox::new(now, links);
         let unserved = |axis: &Axis| {
             let bus = axis.config.bus().and_then(|bus| buses.get(usize::from(bus)));
-            bus.is_some_and(Bus::is_unserved)
+            bus.is_some_and(|bus| bus.is_unserved())
         };
         axes.each(axes.which(Is::Configured), |axis| {
             let was_tripped = states.tripped.has(axis.index);

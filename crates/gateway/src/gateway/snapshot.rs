@@ -4,13 +4,14 @@
 //! Left out is what follows from the rest: the board, the tables of the protocols, and the words
 //! that are kept so that nothing is searched. And what whoever takes snapshots asks of a gateway.
 
-use crate::axis::Is;
-use crate::bus::Bus;
+use crate::axis::{Axis, Is};
 use crate::gateway::Gateway;
-use crate::link::Link;
+use crate::history::History;
+use crate::link::{Link, Links};
 use crate::port::Board;
 use crate::set::Set;
 use crate::{MAX_AXES, MAX_BUSES, MAX_LINKS};
+use core::ops::Range;
 use host_protocol::Trip;
 use serde::{Serialize, Serializer};
 
@@ -35,58 +36,127 @@ pub struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
+    /// The first of an axis, bus and link, each behind what a snapshot has before them.
+    const AXES: usize = 1;
+    pub(super) const BUSES: usize = Self::AXES + MAX_AXES * Axis::PIECES + 1;
+    pub(super) const RING: usize = Self::BUSES + MAX_BUSES;
+    const LINKS: usize = Self::RING + Links::RING_PIECES + 1;
+    pub(super) const HISTORY: usize = Self::LINKS + MAX_LINKS * Link::PIECES;
+    pub(super) const DRAFT: usize = Self::HISTORY + History::PIECES;
+    pub(super) const STORED: usize = Self::DRAFT + 1;
+    pub(super) const IMAGE: usize = Self::STORED + 1;
+    pub(super) const NAMES: usize = Self::IMAGE + 1;
+    const REST: usize = Self::NAMES + 1;
     /// How many there are; that of a bus which the board lacks is empty.
-    pub const COUNT: usize = 4 + MAX_AXES + MAX_BUSES + MAX_LINKS;
+    pub const COUNT: usize = Self::REST + 1;
+    /// Those that each call changes: they go last into a copy.
+    pub const LAST: [usize; 4] = [0, Self::BUSES - 1, Self::LINKS - 1, Self::REST];
 
     /// Each in its order, when [`Gateway::next_deadline`] has worked out what the next event would
     /// have to.
     pub fn of(gateway: &'a Gateway, index: usize) -> Option<Self> {
         (index < Self::COUNT).then_some(Self { gateway, index })
     }
-}
 
-/// What is not there has no bytes.
-struct Maybe<T>(Option<T>);
+    /// The bytes of one that is never [to be copied](Gateway::next_to_copy): an axis that is as it
+    /// was made, or a bus that there is none.
+    #[must_use]
+    pub fn of_nothing(index: usize) -> &'static [u8] {
+        const NO_AXIS: &[u8] = &[0];
+        if Self::axis_that_begins(index).is_some() { NO_AXIS } else { &[] }
+    }
 
-impl<T: Serialize> Serialize for Maybe<T> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match &self.0 {
-            Some(value) => value.serialize(serializer),
-            None => serializer.serialize_unit(),
-        }
+    /// Those of an axis.
+    pub(super) const fn of_axis(axis: usize) -> Range<usize> {
+        let first = Self::AXES + axis * Axis::PIECES;
+        first..first + Axis::PIECES
+    }
+
+    /// The axis of which this is the first piece.
+    pub(super) fn axis_that_begins(index: usize) -> Option<usize> {
+        let at = index.checked_sub(Self::AXES).filter(|at| at.is_multiple_of(Axis::PIECES))?;
+        Some(at / Axis::PIECES).filter(|axis| *axis < MAX_AXES)
+    }
+
+    /// The link of which this is the first piece.
+    pub(super) fn link_that_begins(index: usize) -> Option<usize> {
+        let at = index.checked_sub(Self::LINKS).filter(|at| at.is_multiple_of(Link::PIECES))?;
+        Some(at / Link::PIECES).filter(|link| *link < MAX_LINKS)
+    }
+
+    /// Those of what has happened.
+    pub(super) const OF_RING: Range<usize> = Self::RING..Self::LINKS - 1;
+    pub(super) const OF_HISTORY: Range<usize> = Self::HISTORY..Self::DRAFT;
+
+    /// The one with this number alone.
+    pub(super) const fn alone(index: usize) -> Range<usize> {
+        index..index + 1
+    }
+
+    /// Those of a link.
+    pub(super) const fn of_link(link: usize) -> Range<usize> {
+        let first = Self::LINKS + link * Link::PIECES;
+        first..first + Link::PIECES
     }
 }
 
 /// In the order of the fields of [`Gateway`], as its `Deserialize` reads them.
 impl Serialize for Part<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        const AXES: usize = 1;
-        const AXES_END: usize = AXES + MAX_AXES;
-        const BUSES: usize = AXES_END + 1;
-        const BUSES_END: usize = BUSES + MAX_BUSES;
-        const LINKS: usize = BUSES_END + 1;
-        const LINKS_END: usize = LINKS + MAX_LINKS;
-        let Gateway { axes, buses, links, .. } = self.gateway;
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        const AXES: usize = Part::AXES;
+        const AXES_END: usize = Part::BUSES - 1;
+        const BUSES: usize = Part::BUSES;
+        const RING: usize = Part::RING;
+        const LINKS_HEAD: usize = Part::LINKS - 1;
+        const LINKS: usize = Part::LINKS;
+        const HISTORY: usize = Part::HISTORY;
+        const DRAFT: usize = Part::DRAFT;
+        let Gateway { axes, buses, links, history, draft, stored, image, names, .. } = self.gateway;
         match self.index {
-            0 => axes.head().serialize(serializer),
-            index @ AXES..AXES_END => Maybe(axes.get(index - AXES)).serialize(serializer),
-            AXES_END => buses.len().serialize(serializer),
-            index @ BUSES..BUSES_END => Maybe(buses.get(index - BUSES)).serialize(serializer),
-            BUSES_END => links.head().serialize(serializer),
-            index @ LINKS..LINKS_END => Maybe(links.get(index - LINKS)).serialize(serializer),
-            _ => self.gateway.rest().serialize(serializer),
+            0 => axes.head().serialize(to),
+            index @ AXES..AXES_END => {
+                let piece = (index - AXES) % Axis::PIECES;
+                match axes.used((index - AXES) / Axis::PIECES) {
+                    Some(axis) if piece == 0 => to.serialize_some(&axis.piece(piece)),
+                    Some(axis) => axis.piece(piece).serialize(to),
+                    None if piece == 0 => to.serialize_none(),
+                    None => to.serialize_unit(),
+                }
+            }
+            AXES_END => buses.len().serialize(to),
+            index @ BUSES..RING => match buses.get(index - BUSES) {
+                Some(bus) => bus.serialize(to),
+                None => to.serialize_unit(),
+            },
+            index @ RING..LINKS_HEAD => links.ring_piece(index - RING).serialize(to),
+            LINKS_HEAD => links.head().serialize(to),
+            index @ LINKS..HISTORY => match links.get((index - LINKS) / Link::PIECES) {
+                Some(link) => link.piece((index - LINKS) % Link::PIECES).serialize(to),
+                None => to.serialize_unit(),
+            },
+            index @ HISTORY..DRAFT => history.piece(index - HISTORY).serialize(to),
+            DRAFT => draft.serialize(to),
+            Part::STORED => stored.serialize(to),
+            Part::IMAGE => image.serialize(to),
+            Part::NAMES => names.serialize(to),
+            _ => self.gateway.rest().serialize(to),
         }
     }
 }
 
 impl Gateway {
-    /// What is neither an axis nor a bus nor a link.
+    /// What each call may change.
     fn rest(&self) -> impl Serialize {
         let Self {
             board: _,
             axes: _,
             buses: _,
             links: _,
+            history: _,
+            draft: _,
+            stored: _,
+            image: _,
+            names: _,
             authority,
             epoch,
             e_stopped,
@@ -99,13 +169,8 @@ impl Gateway {
             arming,
             cycle,
             running,
-            history,
             retention,
-            draft,
-            stored,
-            image,
             flight_reading,
-            names,
             now,
             latest,
             touched_buses,
@@ -116,8 +181,7 @@ impl Gateway {
         } = self;
         (
             (authority, epoch, e_stopped, unstopped, e_stop_input_open, enabled, link_lost, starts),
-            (together, arming, cycle, running, history, retention, draft, stored, image),
-            (flight_reading, names),
+            (together, arming, cycle, running, retention, flight_reading),
             (now, latest, touched_buses, unwatched_buses, changed_buses, crowded_buses),
             served_buses,
         )
@@ -175,7 +239,7 @@ impl Gateway {
     /// Whether no port holds a frame of it.
     #[must_use]
     pub fn has_nothing_out(&self) -> bool {
-        self.buses.iter().all(Bus::has_nothing_out)
+        self.buses.iter().all(|bus| bus.has_nothing_out())
     }
 
     /// The axes that are arming, armed, active or stopping, as of the latest event.

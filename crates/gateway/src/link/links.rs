@@ -24,6 +24,10 @@ pub(crate) struct Links {
     stale: Set,
     /// What happened.
     ring: Ring,
+    /// That may have changed since it was copied. (In a [`Tracked`](crate::tracked::Tracked) it would
+    /// pass over the stack when it is made.)
+    #[serde(skip)]
+    is_ring_stale: bool,
     /// How far the log has been told.
     told: Cursor,
     /// The link that is in command, as the log knows it.
@@ -59,6 +63,7 @@ impl Links {
             links: Vec::new(),
             stale: Set::NONE,
             ring: Ring::new(),
+            is_ring_stale: false,
             told: Cursor { entry: 0, event: 0 },
             holder: None,
             changed: Set::NONE,
@@ -92,8 +97,21 @@ impl Links {
 
     /// What a snapshot has before the links; see [`Parts`](crate::gateway::Part).
     pub fn head(&self) -> impl Serialize {
-        let Self { ring, told, holder, changed, log_changed, tripped, links, .. } = self;
-        (ring, told, holder, changed, log_changed, tripped, links.len())
+        let Self { told, holder, changed, log_changed, tripped, links, .. } = self;
+        (told, holder, changed, log_changed, tripped, links.len())
+    }
+
+    /// Into how many pieces it divides what it has before that.
+    pub const RING_PIECES: usize = Ring::PIECES;
+
+    /// One of them.
+    pub fn ring_piece(&self, piece: usize) -> impl Serialize {
+        self.ring.piece(piece)
+    }
+
+    /// Whether that may have changed since it was copied.
+    pub fn ring_stale(&mut self) -> &mut bool {
+        &mut self.is_ring_stale
     }
 
     /// Those that may have changed since they were copied.
@@ -120,8 +138,7 @@ impl Links {
 
     /// Takes an event that every host is told, and the log.
     pub fn event(&mut self, now_us: u64, event: &Event) {
-        self.ring.push(now_us, LogEntry::Event(*event));
-        self.log_changed = true;
+        self.push(now_us, LogEntry::Event(*event));
         if let Event::Tripped { axis, .. } = event {
             // It fits: an axis trips once until that is asked.
             let _ = self.tripped.push(*axis);
@@ -138,8 +155,12 @@ impl Links {
 
     /// Adds to the log alone.
     pub fn log(&mut self, entry: LogEntry) {
-        self.ring.push(0, entry);
-        self.log_changed = true;
+        self.push(0, entry);
+    }
+
+    fn push(&mut self, time_us: u64, entry: LogEntry) {
+        self.ring.push(time_us, entry);
+        (self.is_ring_stale, self.log_changed) = (true, true);
     }
 
     /// Whether a request is to be executed, see [`Link::admit`].

@@ -9,6 +9,7 @@ mod events;
 mod links;
 mod replies;
 mod ring;
+mod snapshot;
 mod subscription;
 #[cfg(test)]
 #[path = "../../tests/unit/link.rs"]
@@ -25,7 +26,7 @@ use host_protocol::{
     StateFields, requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use subscription::Subscription;
 
 /// A host that has sent nothing valid for so long is told no samples any more, and its link runs at
@@ -38,7 +39,7 @@ const MEMORY_BUDGET: usize = 7 * 1024;
 const _: () = assert!(size_of::<Link>() <= MEMORY_BUDGET);
 
 /// The session of one host link.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Deserialize)]
 pub struct Link {
     deframer: Deframer,
     replies: Replies,

@@ -1,8 +1,9 @@
 //! The last requests of a link and their results, kept as the bytes that were sent.
 
 use heapless::Deque;
-use host_protocol::{Error, Frame, MAX_FRAME, Reply};
-use serde::{Deserialize, Serialize};
+use host_protocol::{Error, Filled, Frame, MAX_FRAME, Reply};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Requests that are remembered, and replies that can wait.
 const WINDOW: usize = 8;
@@ -59,27 +60,7 @@ impl Identity {
     }
 }
 
-/// Bytes in a snapshot, without the zeros at their end: most replies are short.
-mod without_zeros {
-    use host_protocol::MAX_FRAME;
-    use serde::de::Error;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(bytes: &[u8; MAX_FRAME], to: S) -> Result<S::Ok, S::Error> {
-        let length = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
-        to.serialize_bytes(bytes.get(..length).unwrap_or_default())
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[u8; MAX_FRAME], D::Error> {
-        let found = <&[u8]>::deserialize(from)?;
-        let mut bytes = [0; MAX_FRAME];
-        let place = bytes.get_mut(..found.len());
-        place.ok_or(D::Error::custom("too many bytes"))?.copy_from_slice(found);
-        Ok(bytes)
-    }
-}
-
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone)]
 struct Entry {
     state: State,
     request: Option<Identity>,
@@ -87,8 +68,23 @@ struct Entry {
     order: u32,
     /// Bytes of the reply.
     length: u16,
-    #[serde(with = "without_zeros")]
     reply: [u8; MAX_FRAME],
+}
+
+/// The reply is as long as it is.
+impl Serialize for Entry {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let Self { state, request, order, length, reply } = self;
+        (state, request, order, Filled::of(reply, (*length).into())).serialize(to)
+    }
+}
+
+impl<'de> Deserialize<'de> for Entry {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let (state, request, order, sent): (_, _, _, Filled<'_>) = Deserialize::deserialize(from)?;
+        let length = u16::try_from(sent.0.len()).map_err(D::Error::custom)?;
+        Ok(Self { state, request, order, length, reply: sent.array()? })
+    }
 }
 
 impl Entry {

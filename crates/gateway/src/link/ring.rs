@@ -4,8 +4,9 @@ use heapless::Deque;
 use host_protocol::Event;
 
 use crate::MAX_AXES;
+use crate::each::Each;
 use crate::log::LogEntry;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Entries that are kept: those of an e-stop of all axes, and some more.
 pub(crate) const RING: usize = MAX_AXES + 8;
@@ -30,7 +31,7 @@ pub(crate) struct Cursor {
 
 /// The latest entries. A new one takes the place of the oldest, whether everybody has been told of
 /// that or not.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 pub(crate) struct Ring {
     entries: Deque<Entry, RING>,
     end: Cursor,
@@ -38,7 +39,36 @@ pub(crate) struct Ring {
     latest_event: u32,
 }
 
+/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+struct Piece<'a> {
+    ring: &'a Ring,
+    piece: usize,
+}
+
+/// In the order of the fields.
+impl Serialize for Piece<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        const LAST: usize = Ring::PIECES - 1;
+        const ENTRIES: usize = RING.div_ceil(Ring::PIECES);
+        let Ring { entries, end, latest_event } = self.ring;
+        let these = Each(|| entries.iter().skip(self.piece * ENTRIES).take(ENTRIES));
+        match self.piece {
+            0 => (entries.len(), these).serialize(to),
+            LAST => (these, end, latest_event).serialize(to),
+            _ => these.serialize(to),
+        }
+    }
+}
+
 impl Ring {
+    /// Into how many pieces a snapshot divides it.
+    pub const PIECES: usize = 4;
+
+    /// One of them.
+    pub fn piece(&self, piece: usize) -> impl Serialize {
+        Piece { ring: self, piece }
+    }
+
     pub const fn new() -> Self {
         Self { entries: Deque::new(), end: Cursor { entry: 0, event: 0 }, latest_event: 0 }
     }

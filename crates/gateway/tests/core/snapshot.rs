@@ -23,5 +23,8 @@ fn a_snapshot_of_other_bytes_or_of_another_board_is_refused() {
 #[test]
 fn a_snapshot_that_does_not_fit_is_none() {
     let mut rig = Rig::new();
-    assert_eq!(rig.gateway.snapshot(&mut [0; 1_000]), None);
+    let mut bytes = [0; MAX_SNAPSHOT];
+    let length = rig.gateway.snapshot(&mut bytes).unwrap().len();
+    assert_eq!(rig.gateway.snapshot(&mut bytes[..length - 1]), None);
+    assert!(rig.gateway.snapshot(&mut bytes[..length]).is_some());
 }

@@ -222,7 +222,8 @@ impl World {
         let now = self.gateway_now();
         let changes = self.gateway.handle(now, event, &mut self.life.store());
         if self.gateway.is_due() {
-            while self.gateway.go_on(now) {}
+            let mut turns = 0..self.flight_turns;
+            while turns.next().is_some() && self.gateway.go_on(now) {}
         }
         self.named = self.named.with(changes.buses);
         self.life.restarts = changes.restart;

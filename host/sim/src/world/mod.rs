@@ -39,6 +39,8 @@ const TICK: Duration = Duration::from_micros(1);
 pub struct World {
     now: Duration,
     gateway: Box<Recorded<Halves>>,
+    /// Of the flight recorder after each call.
+    flight_turns: usize,
     ports: Vec<Port>,
     motors: Vec<Motor>,
     links: Vec<HostLink>,
@@ -66,7 +68,7 @@ impl World {
     /// # Errors
     /// If a motor cannot be connected as the wiring asks.
     pub fn try_new(wiring: Wiring) -> Result<Self, WiringError> {
-        let Wiring { board, motors: wired, seed, random_number } = wiring;
+        let Wiring { board, motors: wired, seed, random_number, flight } = wiring;
         let mut ports: Vec<Port> = board.buses.iter().map(|bus| Port::new(bus.kind)).collect();
         let mut motors = Vec::new();
         for (index, motor) in wired.into_iter().enumerate() {
@@ -79,12 +81,23 @@ impl World {
         let links = board.links.iter().take(MAX_LINKS).map(|_| HostLink::default()).collect();
         let mut life = Life::new(board, random_number);
         let gateway = Gateway::new(board, life.take_random_number());
-        let gateway = Box::new(Recorded::new(gateway, Halves::new()));
+        let gateway = Box::new(Recorded::new(gateway, board, Halves::new(flight.half)));
         let (strangers, trace, not_before) =
             (Strangers::new(seed), Trace::default(), Duration::ZERO);
         let (now, named) = (Duration::ZERO, Set::ALL);
-        let mut world =
-            Self { now, gateway, ports, motors, links, strangers, trace, life, named, not_before };
+        let mut world = Self {
+            now,
+            gateway,
+            flight_turns: flight.turns,
+            ports,
+            motors,
+            links,
+            strangers,
+            trace,
+            life,
+            named,
+            not_before,
+        };
         world.start_gateway();
         Ok(world)
     }

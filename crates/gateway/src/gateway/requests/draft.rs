@@ -11,6 +11,7 @@ use crate::gateway::names::{NAME_WORDS, NameWords, Names};
 use crate::gateway::stored::{AXIS_ROWS, BUS_ROWS};
 use crate::set::Set;
 use crate::time::Duration;
+use crate::tracked::Tracked;
 use core::ops::Range;
 use heapless::Vec;
 use host_protocol::{AxisParameter, BusConfig, Error, Value};
@@ -212,18 +213,23 @@ impl Draft {
     }
 
     /// Gives axes and buses their new configuration and names, and keeps those of before.
-    pub fn exchange(&mut self, axes: &mut Axes, buses: &mut [Bus], names: &mut Names) {
+    pub fn exchange(&mut self, axes: &mut Axes, buses: &mut [Tracked<Bus>], names: &mut Names) {
         self.parameters.iter_mut().for_each(|entry| exchange(entry, axes, names));
         self.exchange_buses(buses);
     }
 
     /// Takes an exchange back.
-    pub fn exchange_back(&mut self, axes: &mut Axes, buses: &mut [Bus], names: &mut Names) {
+    pub fn exchange_back(
+        &mut self,
+        axes: &mut Axes,
+        buses: &mut [Tracked<Bus>],
+        names: &mut Names,
+    ) {
         self.parameters.iter_mut().rev().for_each(|entry| exchange(entry, axes, names));
         self.exchange_buses(buses);
     }
 
-    fn exchange_buses(&mut self, buses: &mut [Bus]) {
+    fn exchange_buses(&mut self, buses: &mut [Tracked<Bus>]) {
         for (change, bus) in self.buses.iter_mut().zip(buses) {
             if let Some(config) = change {
                 bus.exchange_config(config);

@@ -25,6 +25,7 @@ use crate::outbox::Ticket;
 use crate::protocol::Exchange;
 use crate::rules;
 use crate::time::Instant;
+use crate::tracked::Tracked;
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, ClearTarget, Error, Event,
     MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StopTarget, Text, TripReason, Vec,
@@ -269,7 +270,7 @@ impl Gateway {
             max_axes: MAX_AXES_WIRE,
             #[allow(clippy::cast_possible_truncation)]
             max_message: MAX_MESSAGE as u16,
-            buses: self.buses.iter().map(capability).collect(),
+            buses: self.buses.iter().map(|bus| capability(bus)).collect(),
             time_us: now.as_micros(),
         })
     }
@@ -533,7 +534,7 @@ impl Gateway {
 }
 
 /// Whether the bus of an axis is configured and not off.
-pub(crate) fn ready_bus(buses: &[Bus], axis: &Axis) -> Result<()> {
+pub(crate) fn ready_bus(buses: &[Tracked<Bus>], axis: &Axis) -> Result<()> {
     match running_bus(buses, axis)? {
         Some(bus) if bus.is_off() => Err(Error::BusOff { bus: bus.index() }),
         _ => Ok(()),
@@ -541,10 +542,10 @@ pub(crate) fn ready_bus(buses: &[Bus], axis: &Axis) -> Result<()> {
 }
 
 /// The bus of an axis, which must be configured.
-fn running_bus<'a>(buses: &'a [Bus], axis: &Axis) -> Result<Option<&'a Bus>> {
+fn running_bus<'a>(buses: &'a [Tracked<Bus>], axis: &Axis) -> Result<Option<&'a Bus>> {
     let Some(index) = axis.config.bus() else { return Ok(None) };
     let bus = buses.get(usize::from(index)).ok_or_else(|| unknown_bus(buses, index))?;
-    bus.config().map(|_| Some(bus)).ok_or(Error::BusNotConfigured { bus: index })
+    bus.config().map(|_| Some(&**bus)).ok_or(Error::BusNotConfigured { bus: index })
 }
 
 /// Requests that only the holder of authority may make.

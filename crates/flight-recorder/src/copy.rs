@@ -1,0 +1,258 @@
+//! A copy of a core at the beginning of a half: its parts, in the order in which they were copied.
+//!
+//! | bytes | |
+//! |---|---|
+//! | 1 | the part |
+//! | 2 | how many bytes follow, the lower one first |
+//! | … | its encoding, each run of zeros as a zero and the length of the run: most of it is zeros |
+
+use gateway::Part;
+use postcard::ser_flavors::Flavor;
+use serde::Serialize;
+
+/// Bytes before the encoding of a part.
+const HEAD: usize = 3;
+
+/// What was a part's bytes in a copy, until others took their place.
+const NO_PART: u8 = u8::MAX;
+/// Room for what such a part may grow by.
+const ROOM: usize = 16;
+
+/// Writes what comes behind `skip` bytes, as far as there is room, and counts all. That no byte fails
+/// saves a branch behind each field: a tenth of the image.
+struct Window<'a> {
+    skip: usize,
+    out: &'a mut [u8],
+    count: usize,
+}
+
+impl Flavor for Window<'_> {
+    type Output = usize;
+
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        let at = self.count.wrapping_sub(self.skip);
+        if let Some(place) = self.out.get_mut(at) {
+            *place = byte;
+        }
+        self.count += 1;
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn try_extend(&mut self, bytes: &[u8]) -> postcard::Result<()> {
+        bytes.iter().try_for_each(|byte| self.try_push(*byte))
+    }
+
+    fn finalize(self) -> postcard::Result<usize> {
+        Ok(self.count)
+    }
+}
+
+/// Writes an encoding from `skip` on, as far as there is room; how many bytes it has in all.
+pub fn encode(value: &impl Serialize, skip: usize, out: &mut [u8]) -> usize {
+    let window = Window { skip, out, count: 0 };
+    postcard::serialize_with_flavor(value, window).unwrap_or_default()
+}
+
+/// Writes bytes without their zeros; how many that makes, or `None` where there is too little room.
+fn without_zeros(mut bytes: &[u8], out: &mut [u8]) -> Option<usize> {
+    let room = out.len();
+    let mut out = out.iter_mut();
+    while let [byte, rest @ ..] = bytes {
+        *out.next()? = *byte;
+        bytes = rest;
+        if *byte == 0 {
+            let mut run = 1;
+            while let [0, rest @ ..] = bytes
+                && run < u8::MAX
+            {
+                bytes = rest;
+                run += 1;
+            }
+            *out.next()? = run;
+        }
+    }
+    Some(room - out.len())
+}
+
+/// What a copy has of a part.
+fn find(mut copy: &[u8], index: usize) -> Option<&[u8]> {
+    loop {
+        let ([part, low, high], rest) = copy.split_first_chunk()?;
+        let (bytes, behind) = rest.split_at_checked(u16::from_le_bytes([*low, *high]).into())?;
+        if usize::from(*part) == index {
+            return Some(bytes);
+        }
+        copy = behind;
+    }
+}
+
+/// Where the parts of a copy that is being made begin, counted from 1.
+pub type Places = [u16; Part::COUNT];
+
+/// Writes a part behind the `length` bytes of a copy, or in the place of what that has of it. Returns
+/// the bytes of the copy, or `None` where there is too little room.
+pub fn put(
+    half: &mut [u8],
+    length: usize,
+    places: &mut Places,
+    index: usize,
+    part: &impl Serialize,
+) -> Option<usize> {
+    let (copy, free) = half.split_at_mut_checked(length)?;
+    let (out, scratch) = free.split_at_mut(free.len() / 2);
+    let bytes = encode(part, 0, scratch);
+    put_bytes(copy, out, places, index, scratch.get(..bytes)?)
+}
+
+fn put_bytes(
+    copy: &mut [u8],
+    out: &mut [u8],
+    places: &mut Places,
+    index: usize,
+    bytes: &[u8],
+) -> Option<usize> {
+    let (head, out) = out.split_first_chunk_mut::<HEAD>()?;
+    let mut length = without_zeros(bytes, out)?;
+    let place = places.get_mut(index)?;
+    if let Some(begin) = usize::from(*place).checked_sub(1) {
+        let (head, before) = copy.get_mut(begin..)?.split_first_chunk_mut::<HEAD>()?;
+        let [number, low, high] = head;
+        let before = before.get_mut(..u16::from_le_bytes([*low, *high]).into())?;
+        if let Some((before, behind)) = before.split_at_mut_checked(length) {
+            before.copy_from_slice(out.get(..length)?);
+            // Runs of no zeros.
+            behind.fill(0);
+            return Some(copy.len());
+        }
+        *number = NO_PART;
+        out.get_mut(length..length + ROOM)?.fill(0);
+        length += ROOM;
+    }
+    *place = u16::try_from(copy.len() + 1).ok()?;
+    let [low, high] = u16::try_from(length).ok()?.to_le_bytes();
+    *head = [u8::try_from(index).ok()?, low, high];
+    Some(copy.len() + HEAD + length)
+}
+
+/// Writes the encoding of a part in a copy from `offset` on, as far as there is room; how many bytes
+/// it has in all.
+pub fn read(copy: &[u8], index: usize, offset: usize, out: &mut [u8]) -> usize {
+    let Some(mut bytes) = find(copy, index) else {
+        return self::copy(Part::of_nothing(index), offset, out);
+    };
+    let mut length = 0;
+    while let [byte, rest @ ..] = bytes {
+        let count = if *byte == 0 { rest.first().copied().map_or(0, usize::from) } else { 1 };
+        bytes = if *byte == 0 { rest.get(1..).unwrap_or_default() } else { rest };
+        for at in length..length + count {
+            if let Some(place) = at.checked_sub(offset).and_then(|at| out.get_mut(at)) {
+                *place = *byte;
+            }
+        }
+        length += count;
+    }
+    length
+}
+
+/// The same of bytes as they are.
+pub fn copy(bytes: &[u8], offset: usize, out: &mut [u8]) -> usize {
+    for (to, from) in out.iter_mut().zip(bytes.get(offset..).unwrap_or_default()) {
+        *to = *from;
+    }
+    bytes.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROOM: usize = 2_048;
+
+    /// A half, what a copy in it takes, and where its parts are.
+    struct Made([u8; ROOM], usize, Places);
+
+    impl Made {
+        fn new() -> Self {
+            Self([0xEE; ROOM], 0, [0; Part::COUNT])
+        }
+
+        fn put(&mut self, index: usize, part: &impl Serialize) -> bool {
+            let Self(half, length, places) = self;
+            let copied = put(half, *length, places, index, part);
+            *length = copied.unwrap_or(*length);
+            copied.is_some()
+        }
+
+        #[track_caller]
+        fn has(&self, index: usize, bytes: &[u8]) {
+            let Self(half, length, _) = self;
+            let mut out = [0xAA; ROOM];
+            assert_eq!(read(&half[..*length], index, 0, &mut out), bytes.len());
+            assert_eq!(&out[..bytes.len()], bytes);
+            // From any place on, and no more than there is room for.
+            for offset in 0..=bytes.len() {
+                let mut out = [0xAA; 3];
+                assert_eq!(read(&half[..*length], index, offset, &mut out), bytes.len());
+                let rest = &bytes[offset..(offset + 3).min(bytes.len())];
+                assert_eq!(&out[..rest.len()], rest);
+                assert!(out[rest.len()..].iter().all(|byte| *byte == 0xAA));
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_is_read_as_it_was_put() {
+        let mut made = Made::new();
+        let (zeros, mixed, none) = ([0_u8; 30], [7_u8, 0, 0, 0, 9, 0, 5, 0], ());
+        assert!(made.put(3, &zeros) && made.put(1, &mixed) && made.put(2, &none));
+        made.has(3, &zeros);
+        made.has(1, &mixed);
+        made.has(2, &[]);
+        // Golden, of this module's layout: two runs of zeros, and one of a zero.
+        assert_eq!(made.0[..made.1], [3, 2, 0, 0, 30, 1, 9, 0, 7, 0, 3, 9, 0, 1, 5, 0, 1, 2, 0, 0]);
+    }
+
+    #[test]
+    fn long_runs_of_zeros_are_several() {
+        let mut made = Made::new();
+        let longest = [[0_u8; 32]; 16];
+        assert!(made.put(0, &longest));
+        made.has(0, &[0; 512]);
+        assert_eq!(made.0[..made.1], [0, 6, 0, 0, 255, 0, 255, 0, 2]);
+    }
+
+    #[test]
+    fn a_part_takes_the_place_of_what_it_was_before_or_another_one() {
+        let mut made = Made::new();
+        assert!(made.put(5, &[1_u8, 2, 3, 4]) && made.put(6, &[6_u8; 4]));
+        let length = made.1;
+        // Shorter, and as long: in its place.
+        assert!(made.put(5, &[9_u8, 0, 0, 0]));
+        made.has(5, &[9, 0, 0, 0]);
+        assert!(made.put(5, &[4_u8, 3, 2, 1]));
+        assert_eq!(made.1, length);
+        made.has(5, &[4, 3, 2, 1]);
+        // Longer: behind the others, with room for more.
+        assert!(made.put(5, &[1_u8, 2, 3, 4, 5]));
+        assert_eq!(made.1, length + HEAD + 5 + super::ROOM);
+        let length = made.1;
+        assert!(made.put(5, &[8_u8; 20]));
+        assert_eq!(made.1, length);
+        made.has(5, &[8; 20]);
+        made.has(6, &[6; 4]);
+    }
+
+    #[test]
+    fn what_has_no_room_is_refused_and_what_was_there_stays() {
+        let mut made = Made::new();
+        assert!(made.put(5, &[[1_u8; 32]; 24]));
+        let before = made.0;
+        // Half of what is free is for the encoding before its zeros are taken out.
+        assert!(!made.put(6, &[[2_u8; 32]; 21]));
+        made.has(5, &[1; 768]);
+        assert_eq!(made.0[..made.1], before[..made.1]);
+        assert!(made.put(6, &[[2_u8; 32]; 16]));
+        made.has(6, &[2; 512]);
+    }
+}

@@ -1,0 +1,65 @@
+//! An axis in a snapshot.
+
+use super::Axis;
+use serde::{Serialize, Serializer};
+
+impl Axis {
+    /// Into how many pieces a snapshot divides an axis.
+    pub const PIECES: usize = 4;
+
+    /// One of them. All, one behind the other, are what its `Deserialize` reads.
+    pub fn piece(&self, piece: usize) -> impl Serialize {
+        Piece { axis: self, piece }
+    }
+}
+
+struct Piece<'a> {
+    axis: &'a Axis,
+    piece: usize,
+}
+
+/// In the order of the fields.
+impl Serialize for Piece<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let Axis {
+            index,
+            config,
+            state,
+            cycling,
+            part,
+            job,
+            transactions,
+            silence,
+            faults_unread,
+            run_time_unread,
+            state_poll_at,
+            poll_index,
+            watched,
+            measured,
+            angle,
+            motor_timeout,
+            written_timeout_ms,
+            heard_at,
+            run_time,
+            restart_owed,
+            write_waits,
+            evidence,
+            is_unsaved,
+            telemetry,
+        } = self.axis;
+        match self.piece {
+            0 => (index, config).serialize(to),
+            1 => (state, cycling, part, job).serialize(to),
+            2 => {
+                let unread = (faults_unread, run_time_unread);
+                let polls = (state_poll_at, poll_index, watched);
+                (transactions, silence, unread, polls, measured).serialize(to)
+            }
+            _ => {
+                let timeout = (motor_timeout, written_timeout_ms, heard_at, run_time);
+                let flags = (restart_owed, write_waits, evidence, is_unsaved);
+                (angle, timeout, flags, telemetry).serialize(to)
+            }
+        }
+    }
+}
