@@ -1,14 +1,14 @@
-//! Plays what a flight recorder has kept to the image, and prints what came of it as JSON, or why
-//! nothing did, for `mgw replay --image`.
+//! Plays what a flight recorder has kept to the image of its board, and prints what came of it as
+//! JSON, or why nothing did, for `mgw replay --image`.
 //!
-//! `.ci/virtual-board replay FILE` builds the image and runs it, in virtual time.
+//! `.ci/virtual-board replay FILE` builds the images and runs that one, in virtual time.
 
 use std::error::Error;
 use std::path::Path;
 use std::process::ExitCode;
 
 use mgw_cli::flight::OnImage;
-use virtual_board::replay::{Images, replay};
+use virtual_board::replay::replay;
 
 fn main() -> ExitCode {
     // `cargo bench` adds one of its own.
@@ -24,5 +24,5 @@ fn main() -> ExitCode {
 }
 
 fn run(file: &Path) -> Result<OnImage, Box<dyn Error>> {
-    Ok(replay(&Images::named()?, &std::fs::read(file)?)?)
+    Ok(replay(&std::fs::read(file)?)?)
 }

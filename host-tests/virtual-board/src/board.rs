@@ -1,7 +1,7 @@
 //! The boards that the firmware is built for: what is on them, and which pin and port means what.
 
 use std::num::NonZeroU64;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 use std::time::Duration;
 
 use rigless::machine::armv7m::INSTRUCTIONS_PER_SECOND;
@@ -84,8 +84,12 @@ pub struct Facts {
     /// Its CAN buses, which the gateway numbers first.
     pub can_ports: &'static [CanPort],
     rs485_bus: u8,
+    /// Where `board-resume` begins (host-tests/board-resume).
+    pub(crate) resume: u32,
     /// Where the image has nothing: the end of what it may have.
     pub free_flash: u64,
+    /// Some words of RAM that the image has nothing in: behind the few buffers of DMA.
+    pub(crate) free_ram: u32,
     /// Its flash.
     pub flash: Flash,
     /// The chip's names for the serial ports: of host links 0 and 1, and of RS485.
@@ -96,6 +100,8 @@ pub struct Facts {
     pub enable: Pin,
     /// The light: on while it is high.
     pub light: Pin,
+    /// The image's static memory. What a call returns lies elsewhere, on the stack.
+    pub statics: Range<u32>,
     /// Where the firmware keeps what must outlive a reset.
     pub retained_ram: RetainedRam,
 }
@@ -111,7 +117,9 @@ static NUCLEO_H743ZI: Facts = Facts {
     host_1_bit_ps: 1_090_000, // 109 cycles of 100 MHz
     can_ports: &[CanPort::Bus0, CanPort::Bus1],
     rs485_bus: 2,
+    resume: 0x080C_0000,
     free_flash: 0x080F_F000,
+    free_ram: 0x2403_FFE0,
     flash: Flash {
         written: (0x0802_0000, 0x0820_0000),
         page: 128 << 10,
@@ -125,6 +133,7 @@ static NUCLEO_H743ZI: Facts = Facts {
     e_stop: Pin::new(Port::E, 11),
     enable: Pin::new(Port::E, 9),
     light: Pin::new(Port::B, 0),
+    statics: 0x2000_C000..0x2002_0000,
     retained_ram: RetainedRam { base: 0x3800_0000, bytes: 64 << 10, loses_last_write: true },
 };
 
@@ -140,7 +149,9 @@ static NUCLEO_G474RE: Facts = Facts {
     host_1_bit_ps: 1_083_333, // 182 cycles of 168 MHz
     can_ports: &[CanPort::Bus0, CanPort::Bus1, CanPort::Bus2],
     rs485_bus: 3,
+    resume: 0x0A00_0000,
     free_flash: 0x0807_B000,
+    free_ram: 0x2001_3FE0,
     flash: Flash {
         written: (0x0807_C000, 0x0808_0000),
         page: 2 << 10,
@@ -154,6 +165,7 @@ static NUCLEO_G474RE: Facts = Facts {
     e_stop: Pin::new(Port::A, 4),
     enable: Pin::new(Port::B, 0),
     light: Pin::new(Port::A, 5),
+    statics: 0x2000_0000..0x2001_3000,
     retained_ram: RetainedRam { base: 0x2001_4000, bytes: 16 << 10, loses_last_write: false },
 };
 

@@ -26,7 +26,7 @@ mod retention;
 mod rom;
 mod snapshot;
 
-pub use builder::{Builder, ImageError, image_path};
+pub use builder::{Builder, ImageError, image_path, image_path_of};
 pub use cut::{AfterCut, Cut, Expected, FlashContents};
 pub use flash::FlashOperation;
 pub use handles::{CanNode, CanPort, Line, UartPort};

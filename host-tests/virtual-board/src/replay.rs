@@ -17,7 +17,7 @@ use mgw_cli::flight::{OnImage, leak};
 use mgw_client::ClientError;
 
 use crate::board::Board;
-use crate::machine::{ImageError, image_path};
+use crate::machine::{ImageError, image_path_of};
 use stage::{Stage, USB, ready_us};
 use stimulus::{Played, begins, outside};
 
@@ -28,25 +28,21 @@ const PAUSE_US: u64 = 40;
 /// What frames of the host protocol end with.
 const DELIMITER: u8 = 0;
 
-/// What is needed of a build.
-#[derive(Debug, Clone)]
-pub struct Images {
+/// What is needed of the build of a board.
+struct Images {
+    board: Board,
     /// The firmware.
-    pub firmware: PathBuf,
+    firmware: PathBuf,
     /// `board-resume`.
-    pub resume: PathBuf,
+    resume: PathBuf,
 }
 
 impl Images {
-    /// Those that `.ci/virtual-board` has built.
-    ///
-    /// # Errors
-    /// Where it has not.
-    pub fn named() -> Result<Self, ImageError> {
-        const RESUME: &str = "BOARD_RESUME_ELF";
-        let resume = std::env::var_os(RESUME).ok_or(ImageError::Unnamed(RESUME))?;
-        let firmware = image_path()?;
-        Ok(Self { firmware, resume: resume.into() })
+    /// Those that `.ci/virtual-board` has built, the one beside the other.
+    fn of(board: Board) -> Result<Self, ImageError> {
+        let firmware = image_path_of(board)?;
+        let resume = firmware.with_file_name("board-resume");
+        Ok(Self { board, firmware, resume })
     }
 }
 
@@ -57,7 +53,7 @@ pub enum ReplayError {
     Image(ImageError),
     /// The recording cannot be read, or the core of this program does not go on from it.
     Recording(String),
-    /// It is of another board than the one there is.
+    /// There is no image of its board.
     OtherBoard(String),
     /// The image is of another build.
     OtherBuild,
@@ -93,10 +89,8 @@ impl fmt::Display for ReplayError {
             Self::Image(error) => error.fmt(f),
             Self::Recording(why) => f.write_str(why),
             Self::OtherBoard(name) => {
-                write!(
-                    f,
-                    "it was recorded on {name}; there is an image of nucleo-h743zi to play it"
-                )
+                let boards = Board::ALL.map(Board::name).join(" and of ");
+                write!(f, "it was recorded on {name}; there are images of {boards} to play it")
             }
             Self::OtherBuild => f.write_str("the image does not go on from it: another build"),
             Self::Build { recorded, image } => {
@@ -141,17 +135,17 @@ struct Begin<'a> {
     calls: Vec<Played<'a>>,
 }
 
-/// Plays a recording to an image.
+/// Plays a recording to the image of its board.
 ///
 /// # Errors
 /// Where it cannot be; see [`ReplayError`].
-pub fn replay(images: &Images, file: &[u8]) -> Result<OnImage, ReplayError> {
+pub fn replay(file: &[u8]) -> Result<OnImage, ReplayError> {
     let mut scratch = vec![0; MAX_SNAPSHOT];
     let recording =
         Recording::read_file(file).map_err(|error| ReplayError::Recording(error.to_string()))?;
-    if recording.board.name != Board::NucleoH743zi.name() {
-        return Err(ReplayError::OtherBoard(recording.board.name.to_owned()));
-    }
+    let name = recording.board.name;
+    let of = Board::ALL.into_iter().find(|board| board.name() == name);
+    let images = Images::of(of.ok_or_else(|| ReplayError::OtherBoard(name.to_owned()))?)?;
     let recorded =
         recording.trip.ok_or_else(|| ReplayError::Recording("no trip was recorded".to_owned()))?;
     let board = leak(&recording.board);
@@ -166,8 +160,8 @@ pub fn replay(images: &Images, file: &[u8]) -> Result<OnImage, ReplayError> {
     }
     let end = calls.last().map_or(at, |played| played.at);
     let outside = outside(&calls, recording.board.buses.len());
-    let mut stage = Stage::new(images, &begun, at, usb)?;
-    let causes = begins(outside.causes, |line| stage.bit(line));
+    let mut stage = Stage::new(&images, &begun, at, usb)?;
+    let causes = begins(outside.causes, |line| stage.pace(line));
     let (first, rest) = causes.split_first().ok_or(ReplayError::NoBegin)?;
     stage.answer(&outside.answers);
     let done = stage.exchange(&core, first)?;

@@ -69,13 +69,16 @@ const RESET_CORE_HZ: u64 = 16_000_000;
 const INTERRUPT_LINES: u16 = 102;
 
 /// The memory (stm32-metapac 21; the system memory at the top of the code area after AN2606). The
-/// second address of the CCM SRAM, 0x2001_8000, is not there: the firmware uses the first.
-static MEMORY: [Region; 5] = [
+/// second address of the CCM SRAM, 0x2001_8000, is not there: the firmware uses the first. Where no
+/// chip has any there is memory for `board-resume`, which the flash has no room for beside an image.
+static MEMORY: [Region; 7] = [
     Region::flash("flash", 0x0800_0000, 512 << 10).erased_to(0xFF).programmed_by(flash::NAME),
     Region::ram("ccm", 0x1000_0000, 32 << 10),
     Region::system("system", 0x1FFF_0000, 32 << 10),
     Region::ram("sram1", 0x2000_0000, 80 << 10),
     Region::ram("sram2", 0x2001_4000, 16 << 10),
+    Region::flash("resume", 0x0A00_0000, 256 << 10),
+    Region::ram("desk", 0x0A10_0000, 512 << 10),
 ];
 
 /// Reset values that are not 0, of what the firmware reads or an emulator's model starts from

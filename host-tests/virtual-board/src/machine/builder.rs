@@ -56,10 +56,16 @@ impl fmt::Display for ImageError {
 
 impl std::error::Error for ImageError {}
 
-/// The image of the chosen board: what its [`Board::image_variable`] names.
-/// Fails if it names none.
+/// The image of the chosen board.
+/// Fails if nothing names it.
 pub fn image_path() -> Result<PathBuf, ImageError> {
-    let variable = Board::chosen().image_variable;
+    image_path_of(Board::chosen())
+}
+
+/// The image of a board: what its [`Board::image_variable`] names.
+/// Fails if it names none.
+pub fn image_path_of(board: Board) -> Result<PathBuf, ImageError> {
+    let variable = board.image_variable;
     env::var_os(variable).map(PathBuf::from).ok_or(ImageError::Unnamed(variable))
 }
 

@@ -28,7 +28,7 @@ const PAUSE_BITS: u64 = 30;
 const NOTICED_PS: u64 = 15_000_000;
 /// Behind the last piece it was waited for a byte that did not come (src/line.rs), bits.
 const WAITED_BITS: u64 = 7;
-const PICOS_PER_NANO: u64 = 1_000;
+pub const PICOS_PER_NANO: u64 = 1_000;
 const PICOS_PER_MICRO: u64 = 1_000_000;
 const NANOS_PER_MICRO: i64 = 1_000;
 

@@ -7,11 +7,8 @@ use std::time::Duration;
 use gateway::MAX_SNAPSHOT;
 
 use super::{Images, ReplayError};
-use crate::board::Board;
 use crate::machine::{Builder, Machine};
 
-/// Where it starts: the begin of its flash in `board-resume.x`.
-const VECTORS: u32 = 0x080C_0000;
 /// What both sides put down: `Desk` of host-tests/board-resume/src/desk.rs.
 const DESK: &str = "DESK";
 const GIVEN_LENGTH: u64 = 4;
@@ -56,8 +53,9 @@ pub struct Desk(Machine);
 impl Desk {
     /// Starts it.
     pub fn start(images: &Images) -> Result<Self, ReplayError> {
-        let builder = Builder::of(Board::NucleoH743zi, &images.resume)?;
-        Ok(Self(builder.beside(&images.firmware)?.starting_at(VECTORS).power_on()))
+        let Images { board, firmware, resume } = images;
+        let builder = Builder::of(*board, resume)?.beside(firmware)?;
+        Ok(Self(builder.starting_at(board.resume).power_on()))
     }
 
     /// Has the core taken that lies there, and `given` laid out, if it is not empty.

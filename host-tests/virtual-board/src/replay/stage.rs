@@ -1,18 +1,18 @@
 //! The board on which a recording is played: nobody there but what the recording had say something.
 
 use std::cell::RefCell;
+use std::ops::Range;
 use std::rc::Rc;
 use std::time::Duration;
 
 use gateway::{Gateway, Instant};
-use host_protocol::{BusMode, DEFAULT_BAUD, ProtocolSet};
+use host_protocol::{BusMode, ProtocolSet};
 use mgw_client::Client;
 
-use super::answers::{Answers, CanMotors, LineMotors};
+use super::answers::{Answers, CanMotors, LineMotors, PICOS_PER_NANO};
 use super::desk::{Desk, Done, Memory};
-use super::stimulus::{Cause, Line as On, Stimulus, nanos};
+use super::stimulus::{Cause, Line as On, NOTICED, Pace, Stimulus, nanos};
 use super::{Images, ReplayError};
-use crate::board::Board;
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, CanNode, Held, Line, Machine, UartPort};
 use crate::nodes::instant;
@@ -22,9 +22,6 @@ use crate::usual::REPLY_WINDOW;
 
 /// Every call that tells the core of something.
 const HANDLE: &str = "gateway::gateway::Gateway::handle";
-/// The image's static memory, its stack below it: a core lies in the former, what a call returns in
-/// the latter (src/board/nucleo_h743zi.x).
-const STATICS: std::ops::Range<u32> = 0x2000_C000..0x2002_0000;
 /// What a board takes to start.
 const START: Duration = Duration::from_millis(200);
 /// Any session.
@@ -39,13 +36,9 @@ pub const fn ready_us(usb: bool) -> u64 {
     if usb { 1_200_000 } else { 400_000 }
 }
 
-/// The host link on USB, and what a bit takes there.
+/// The host link on USB, and how fast it is.
 pub const USB: u8 = 2;
-const USB_BIT: Duration = Duration::from_nanos(83);
-/// Of the others, at the rate of a start.
-fn host_bit() -> Duration {
-    Duration::from_secs(1) / DEFAULT_BAUD
-}
+const USB_PACE: Pace = Pace { bit: Duration::from_nanos(83), noticed: NOTICED };
 
 /// The board.
 pub struct Stage {
@@ -54,8 +47,10 @@ pub struct Stage {
     motors: Vec<CanNode<CanMotors>>,
     rs485: Line<LineMotors>,
     hosts: [Line<HostUart>; 2],
-    /// Of each bus.
+    /// What a bit takes on each bus.
     bits: Vec<Duration>,
+    /// Of the host links on UARTs.
+    host: Pace,
     /// Where the core lies.
     core: u64,
     /// When the gateway's clock is at 0, ns of the machine's. Before it was switched on: while the
@@ -72,7 +67,7 @@ impl Stage {
         begin: Instant,
         usb: bool,
     ) -> Result<Self, ReplayError> {
-        let board = Board::NucleoH743zi;
+        let board = images.board;
         let mut builder = Builder::of(board, &images.firmware)?.beside(&images.resume)?;
         let ports = board.can_ports.iter();
         let motors =
@@ -105,16 +100,22 @@ impl Stage {
         client.release_authority()?;
         drop(client);
         let machine = Rc::try_unwrap(machine).map_err(|_| ()).expect("the client is gone");
-        let machine = machine.into_inner();
+        let mut machine = machine.into_inner();
         let (core, zero_ns) = (0, 0);
         let desk = Desk::start(images)?;
-        let mut stage = Self { machine, desk, motors, rs485, hosts, bits, core, zero_ns };
+        let bit = Duration::from_nanos(machine.line(hosts[0]).settings().bit_ps / PICOS_PER_NANO);
+        let host = Pace { bit, noticed: NOTICED };
+        let mut stage = Self { machine, desk, motors, rs485, hosts, bits, host, core, zero_ns };
         stage.run_for(SOON);
+        let sent_ns = nanos(stage.machine.now());
         stage.send_host(0, &NOISE);
         let held = stage.hold(SOON).ok_or(ReplayError::NoCore)?;
-        let found = held.arguments[..2].iter().find(|word| STATICS.contains(word));
+        let found = held.arguments[..2].iter().find(|word| board.statics.contains(word));
         stage.core = u64::from(*found.ok_or(ReplayError::NoCore)?);
         stage.zero_ns = nanos(held.at) - nanos(told(&held));
+        let noise = Cause::Host { link: 0, bytes: NOISE.to_vec() };
+        let noticed_ns = nanos(held.at) - sent_ns - nanos(noise.lasts(bit));
+        stage.host.noticed = Duration::from_nanos(noticed_ns.try_into().unwrap_or_default());
         stage.machine.let_go();
         stage.run_for(SOON);
         Ok(stage)
@@ -136,17 +137,17 @@ impl Stage {
 
     /// A snapshot of the core as it lies there, while none of its calls runs.
     fn take(&mut self, given: &[u8]) -> Result<Done, ReplayError> {
-        let length = (STATICS.end - STATICS.start) as usize;
-        let bytes = self.machine.read_memory(STATICS.start.into(), length);
-        self.desk.work(&Memory { at: STATICS.start.into(), bytes, core: self.core }, given)
+        let Range { start, end } = self.machine.board().statics;
+        let bytes = self.machine.read_memory(start.into(), (end - start) as usize);
+        self.desk.work(&Memory { at: start.into(), bytes, core: self.core }, given)
     }
 
-    /// How long a bit takes on a line.
-    pub fn bit(&self, line: On) -> Duration {
+    /// How fast a line is.
+    pub fn pace(&self, line: On) -> Pace {
         match line {
-            On::Bus(bus) => self.bits[usize::from(bus)],
-            On::Host(USB) => USB_BIT,
-            On::Host(_) => host_bit(),
+            On::Bus(bus) => Pace { bit: self.bits[usize::from(bus)], noticed: NOTICED },
+            On::Host(USB) => USB_PACE,
+            On::Host(_) => self.host,
         }
     }
 

@@ -12,11 +12,12 @@ use super::answers::Answers;
 use crate::nodes::to_bus;
 use crate::rs485_line::BITS_PER_BYTE;
 
-/// What an interrupt and the task that it wakes take until the core is told.
-const NOTICED: Duration = Duration::from_micros(8);
+/// What an interrupt and the task that it wakes take until the core is told, about.
+pub const NOTICED: Duration = Duration::from_micros(8);
 
-/// Between frames of which the next has waited for the end of the one before, with some reserve.
-const AT_ONCE: Duration = Duration::from_micros(20);
+/// A frame that follows at once is offered so long before: less than the shortest one takes, so that
+/// none overtakes another.
+const WAITED: Duration = Duration::from_micros(40);
 
 /// A bus with errors on which no frame has passed for so long is dead, µs.
 const DEAD_US: u64 = 5_000;
@@ -71,6 +72,8 @@ pub struct Stimulus {
     pub told: Instant,
     /// What happened.
     pub cause: Cause,
+    /// It is a frame that came right behind another: one of the gateway's waited for a gap.
+    pub at_once: bool,
 }
 
 /// A call that was played, and the frame that it gave.
@@ -91,8 +94,8 @@ struct Bus {
     echo: usize,
     /// What was asked there.
     answers: Answers,
-    /// What each slot holds.
-    slots: HashMap<u8, RawFrame>,
+    /// What each slot holds, and since when.
+    slots: HashMap<u8, (Instant, RawFrame)>,
     /// When the last frame passed.
     passed: Option<Instant>,
     /// Until when no frame passes.
@@ -115,7 +118,7 @@ pub fn outside(calls: &[Played<'_>], buses: usize) -> Outside {
     let mut buses = vec![Bus::default(); buses];
     let (mut causes, mut left_out) = (Vec::new(), Vec::new());
     for (index, Played { at: told, call, transmit }) in calls.iter().enumerate() {
-        let mut add = |told, cause| causes.push(Stimulus { told, cause });
+        let mut add = |told, cause| causes.push(Stimulus { told, cause, at_once: false });
         match call {
             Call::PollTransmit { bus } => {
                 let Some(Transmit { slot, frame }) = transmit else { continue };
@@ -127,20 +130,26 @@ pub fn outside(calls: &[Played<'_>], buses: usize) -> Outside {
                         RawFrame::Serial(bytes.iter().copied().collect())
                     }
                 };
-                known.slots.insert(*slot, frame);
+                known.slots.insert(*slot, (*told, frame));
             }
             Call::Handle(Event::Transmitted { bus, slot }) => {
                 let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
                 known.passed = Some(*told);
-                if let Some(request) = known.slots.remove(slot) {
+                if let Some((_, request)) = known.slots.remove(slot) {
                     known.answers.asked(*told, request);
                 }
             }
+            Call::Handle(Event::Cancelled { bus, slot }) => {
+                let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
+                known.slots.remove(slot);
+            }
             Call::Handle(Event::CanReceived { bus, frame }) => {
                 let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
-                known.passed = Some(*told);
+                let before = known.passed.replace(*told);
                 if !known.answers.came(*told, &RawFrame::Can(*frame)) {
-                    add(*told, Cause::Frame { bus: *bus, frame: *frame });
+                    let at_once = known.slots.values().any(|(since, _)| Some(*since) < before);
+                    let cause = Cause::Frame { bus: *bus, frame: *frame };
+                    causes.push(Stimulus { told: *told, cause, at_once });
                 }
             }
             Call::Handle(Event::SerialReceived { bus, bytes }) => {
@@ -190,7 +199,7 @@ pub fn outside(calls: &[Played<'_>], buses: usize) -> Outside {
 /// Whether an error is that of bytes which have just come: then they came damaged.
 fn is_noise(causes: &mut [Stimulus], of: u8, now: Instant) -> bool {
     match causes.last_mut() {
-        Some(Stimulus { told, cause: Cause::Bytes { bus, damaged, .. } })
+        Some(Stimulus { told, cause: Cause::Bytes { bus, damaged, .. }, .. })
             if *bus == of && *told == now =>
         {
             *damaged = true;
@@ -235,7 +244,7 @@ impl Cause {
     }
 
     /// How long it takes until the gateway can be told of it. `bit`: how long one takes there.
-    fn lasts(&self, bit: Duration) -> Duration {
+    pub fn lasts(&self, bit: Duration) -> Duration {
         /// Of a press of the button, before it counts (src/tasks/safety.rs).
         const PRESSED: Duration = Duration::from_millis(1);
         let bits = |bits: u64| bit * u32::try_from(bits).unwrap_or(u32::MAX);
@@ -259,37 +268,39 @@ pub enum Line {
     Host(u8),
 }
 
+/// How fast a line is.
+#[derive(Debug, Clone, Copy)]
+pub struct Pace {
+    /// How long a bit takes.
+    pub bit: Duration,
+    /// From the last bit until the core is told, where nothing else is to be done.
+    pub noticed: Duration,
+}
+
+impl Pace {
+    /// Of what takes no part of a line.
+    const NO_LINE: Self = Self { bit: Duration::ZERO, noticed: NOTICED };
+}
+
 /// When each begins, in the order in which they do, ns of the gateway's time: as late as the
 /// gateway can have been told of it and of what follows on the line. Who was busy was told late.
-/// `bit`: how long one takes on a line.
-pub fn begins(
-    stimuli: Vec<Stimulus>,
-    mut bit: impl FnMut(Line) -> Duration,
-) -> Vec<(i64, Stimulus)> {
+pub fn begins(stimuli: Vec<Stimulus>, pace: impl Fn(Line) -> Pace) -> Vec<(i64, Stimulus)> {
     let mut begins = HashMap::new();
     let mut timed: Vec<(i64, Stimulus)> = Vec::with_capacity(stimuli.len());
     for stimulus in stimuli.into_iter().rev() {
         let line = stimulus.cause.line();
-        let lasts = nanos(stimulus.cause.lasts(line.map_or(Duration::ZERO, &mut bit)));
-        let told = nanos(Duration::from_micros(stimulus.told.as_micros())) - nanos(NOTICED);
+        let Pace { bit, noticed } = line.map_or(Pace::NO_LINE, &pace);
+        let lasts = nanos(stimulus.cause.lasts(bit));
+        let told = nanos(Duration::from_micros(stimulus.told.as_micros())) - nanos(noticed);
         let next = line.and_then(|line| begins.get(&line)).copied().unwrap_or(i64::MAX);
         let begin = told.min(next) - lasts;
         if let Some(line) = line {
             begins.insert(line, begin);
         }
-        timed.push((begin, stimulus));
+        let waited = if stimulus.at_once { nanos(WAITED) } else { 0 };
+        timed.push((begin - waited, stimulus));
     }
     timed.reverse();
-    // What follows at once has waited for the bus: nobody else came between.
-    let mut ends = HashMap::new();
-    for (begin, Stimulus { cause, .. }) in &mut timed {
-        let Some(line) = cause.line() else { continue };
-        let end = *begin + nanos(cause.lasts(bit(line)));
-        let before = ends.insert(line, end).unwrap_or(i64::MIN);
-        if matches!(cause, Cause::Frame { .. }) && *begin - before.max(0) < nanos(AT_ONCE) {
-            *begin -= nanos(AT_ONCE);
-        }
-    }
     timed.sort_by_key(|(begin, _)| *begin);
     timed
 }

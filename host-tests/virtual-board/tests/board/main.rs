@@ -12,6 +12,7 @@ mod dma;
 mod end_to_end;
 mod faults;
 mod first_turn;
+mod flight;
 mod floods;
 mod gaps;
 mod hse;

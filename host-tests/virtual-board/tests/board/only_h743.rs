@@ -1,8 +1,6 @@
 //! What only the STM32H743 has: revisions, a RAM that DMA does not reach, a USB controller with two
 //! ways out.
 
-mod flight;
-
 use std::ops::Range;
 use std::time::Duration;
 

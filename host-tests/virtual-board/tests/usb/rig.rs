@@ -10,7 +10,7 @@ use std::time::Duration;
 use host_protocol::{Deframer, Kind, MAX_FRAME, Request, Setpoint, requests};
 use mgw_client::Client;
 use virtual_board::board::Board;
-use virtual_board::machine::{Builder, CanNode, CanPort, Machine, Snapshot};
+use virtual_board::machine::{Builder, CanNode, CanPort, Machine, Snapshot, image_path_of};
 use virtual_board::nodes::{Probe, since_start};
 use virtual_board::outside::Outside;
 use virtual_board::transport::BoardTransport;
@@ -35,8 +35,7 @@ static G474: LazyLock<Snapshot> = LazyLock::new(|| connected(Board::NucleoG474re
 
 /// The image of a board.
 pub fn image(board: Board) -> PathBuf {
-    let variable = board.image_variable;
-    std::env::var_os(variable).unwrap_or_else(|| panic!("{variable} names the image")).into()
+    image_path_of(board).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A board before it is switched on.

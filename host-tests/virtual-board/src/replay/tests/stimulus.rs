@@ -27,7 +27,7 @@ fn sends(us: u64, bytes: &[u8]) -> Played<'static> {
 
 fn causes(calls: &[Played<'_>]) -> Vec<(u64, Cause)> {
     let causes = outside(calls, 1).causes.into_iter();
-    causes.map(|Stimulus { told, cause }| (told.as_micros(), cause)).collect()
+    causes.map(|Stimulus { told, cause, .. }| (told.as_micros(), cause)).collect()
 }
 
 #[test]
@@ -80,9 +80,16 @@ const BIT: Duration = Duration::from_micros(1);
 fn begin(stimuli: &[(u64, Cause)]) -> Vec<i64> {
     let stimuli = stimuli
         .iter()
-        .map(|(us, cause)| Stimulus { told: at(*us), cause: cause.clone() })
+        .map(|(us, cause)| Stimulus { told: at(*us), cause: cause.clone(), at_once: false })
         .collect();
-    begins(stimuli, |_| BIT).iter().map(|(ns, _)| ns / 1_000).collect()
+    begins_us(stimuli)
+}
+
+fn begins_us(stimuli: Vec<Stimulus>) -> Vec<i64> {
+    begins(stimuli, |_| Pace { bit: BIT, noticed: NOTICED })
+        .iter()
+        .map(|(ns, _)| ns / 1_000)
+        .collect()
 }
 
 fn host(bytes: usize) -> Cause {
@@ -99,14 +106,31 @@ fn who_was_busy_was_told_late() {
 }
 
 #[test]
-fn a_frame_that_follows_at_once_has_waited_for_the_bus() {
+fn a_frame_follows_at_once_where_one_of_the_gateways_waited_for_a_gap() {
+    let transmit = Some(Transmit { slot: 0, frame: Outgoing::Can(frame(5)) });
+    let polled =
+        |us| Played { at: at(us), call: Call::PollTransmit { bus: 0 }, transmit: transmit.clone() };
+    let comes = |us| told(us, Event::CanReceived { bus: 0, frame: frame(1) });
+    let left = |us, event| told(us, event);
+    let (sent, cancelled) =
+        (Event::Transmitted { bus: 0, slot: 0 }, Event::Cancelled { bus: 0, slot: 0 });
+    for (calls, at_once) in [
+        (vec![comes(100), comes(300)], [false, false]),
+        // It may have come in between.
+        (vec![comes(100), polled(200), comes(300)], [false, false]),
+        (vec![polled(0), comes(100), comes(300)], [false, true]),
+        (vec![polled(0), comes(100), left(250, sent), comes(300)], [false, false]),
+        (vec![polled(0), comes(100), left(250, cancelled), comes(300)], [false, false]),
+    ] {
+        let causes = outside(&calls, 1).causes;
+        assert_eq!(causes.iter().map(|cause| cause.at_once).collect::<Vec<_>>(), at_once);
+    }
+    let cause = Cause::Frame { bus: 0, frame: frame(1) };
     let lasts = i64::from(crate::nodes::to_bus(&frame(1)).bits_until_valid());
-    let one = || Cause::Frame { bus: 0, frame: frame(1) };
-    let next = u64::try_from(1_000 + lasts).expect("positive");
-    let alone = 1_000 - 8 - lasts;
-    assert_eq!(begin(&[(1_000, one())]), [alone]);
-    assert_eq!(begin(&[(1_000, one()), (next, one())]), [alone, 992 - 20]);
-    assert_eq!(begin(&[(1_000, one()), (next + 20, one())]), [alone, 1_012]);
+    for (at_once, waited) in [(false, 0), (true, 40)] {
+        let stimulus = Stimulus { told: at(1_000), cause: cause.clone(), at_once };
+        assert_eq!(begins_us(vec![stimulus]), [992 - lasts - waited]);
+    }
 }
 
 #[test]
