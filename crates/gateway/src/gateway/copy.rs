@@ -22,8 +22,8 @@ impl Gateway {
     }
 
     /// Parts that may have changed since they were given before, and may be copied one after the
-    /// other, when [`next_deadline`](Self::next_deadline) has worked out what they have; `None` where there are none, and [those that each call changes](Part::LAST) complete
-    /// the copy.
+    /// other, when [`next_deadline`](Self::next_deadline) has worked out what they have; `None`
+    /// where there are none, and [those that each call changes](Part::LAST) complete the copy.
     pub fn next_to_copy(&mut self) -> Option<Range<usize>> {
         if let Some(axis) = take_one(self.axes.stale()) {
             return Some(Part::of_axis(axis));
