@@ -151,6 +151,15 @@ fn with_too_little_memory_nothing_is_kept_or_it_comes_again() {
     assert!(some > 20, "{some} were kept");
 }
 
+/// Also where the half is full when an axis trips, before anybody has looked at it.
+#[test]
+fn a_trip_is_kept_wherever_the_half_ends() {
+    let name = "a_motor_that_answers_all_but_its_fault_word_trips";
+    let halves = (2_000..4_400).step_by(8);
+    let lost: Vec<usize> = halves.filter(|half| kept_in(*half, 64, name).is_none()).collect();
+    assert!(lost.is_empty(), "{lost:?}");
+}
+
 /// A copy of which a few parts are made between two calls is the core all the same; one that does
 /// not keep up with it is given up.
 #[test]

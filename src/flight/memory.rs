@@ -6,8 +6,8 @@ use core::ops::Range;
 use core::ptr::{copy_nonoverlapping, from_ref};
 use core::sync::atomic::{Ordering, compiler_fence};
 
-use flight_recorder::{Places, Shelf, encode};
-use gateway::{Gateway, Part};
+use flight_recorder::Shelf;
+use gateway::Gateway;
 use host_protocol::{BootReason, CHECKSUM};
 
 use crate::board::{BUILD_ID, FLIGHT_BYTES};
@@ -96,7 +96,7 @@ fn checksum(bytes: &[u8]) -> u32 {
 }
 
 impl Shelf for Memory {
-    const IS_FAST: bool = IS_LARGE;
+    const CORE: Option<usize> = if IS_LARGE { Some(CORE) } else { None };
 
     fn half(&self, half: usize) -> &[u8] {
         &self.region.halves[half & 1].0
@@ -106,20 +106,13 @@ impl Shelf for Memory {
         &mut self.region.halves[half & 1].0
     }
 
-    fn copy(
-        &mut self,
-        half: usize,
-        length: usize,
-        places: &mut Places,
-        core: &Gateway,
-        index: usize,
-    ) -> Option<usize> {
+    fn copy(&mut self, half: usize, core: &Gateway, part: usize) {
         if !IS_LARGE {
-            return self.encode(half, length, places, core, index);
+            return;
         }
         let to = self.half_mut(half).as_mut_ptr().cast::<u32>();
         let from = from_ref(core).cast::<u32>();
-        for Range { start, end } in core.bytes_of(index) {
+        for Range { start, end } in core.bytes_of(part) {
             const WORD: usize = size_of::<u32>();
             // Safety: these are whole words of the core, which is aligned to words as the half is,
             // and has room in it. What is copied is not looked at.
@@ -131,26 +124,16 @@ impl Shelf for Memory {
                 );
             }
         }
-        Some(CORE)
     }
 
-    fn read(
-        &self,
-        half: usize,
-        length: usize,
-        index: usize,
-        offset: usize,
-        out: &mut [u8],
-    ) -> usize {
-        if !IS_LARGE {
-            return self.decode(half, length, index, offset, out);
-        }
+    fn core(&self, half: usize) -> Option<&Gateway> {
         // Safety: the recorder reads of a copy when each of its bytes has been copied between two
         // calls to the core, and no call since has changed what it had copied before. A core owns
         // nothing outside of itself, and nothing happens at its end: its bytes are another core.
-        // Axes that were never used are in none, nor are they looked at.
-        let core = unsafe { &*self.half(half).as_ptr().cast::<Gateway>() };
-        Part::of(core, index).map_or(0, |part| encode(&part, offset, out))
+        // Axes that were never used are in none, nor are they looked at. After a reset a half is
+        // remembered only where its copy was whole, nobody has written it since (the ROM
+        // bootloader works in the first 20 KiB of that SRAM, AN2606), and its ECC mends a bit.
+        IS_LARGE.then(|| unsafe { &*self.half(half).as_ptr().cast::<Gateway>() })
     }
 
     fn remember(&mut self, bytes: &[u8]) {

@@ -54,25 +54,29 @@ pub fn encode(value: &impl Serialize, skip: usize, out: &mut [u8]) -> usize {
     postcard::serialize_with_flavor(value, window).unwrap_or_default()
 }
 
-/// Writes bytes without their zeros; how many that makes, or `None` where there is too little room.
-fn without_zeros(mut bytes: &[u8], out: &mut [u8]) -> Option<usize> {
-    let room = out.len();
-    let mut out = out.iter_mut();
-    while let [byte, rest @ ..] = bytes {
-        *out.next()? = *byte;
-        bytes = rest;
-        if *byte == 0 {
-            let mut run = 1;
-            while let [0, rest @ ..] = bytes
-                && run < u8::MAX
-            {
-                bytes = rest;
-                run += 1;
-            }
-            *out.next()? = run;
+/// Takes the zeros out of the first `length` bytes; how many that makes, or `None` where there is too
+/// little room.
+fn without_zeros(bytes: &mut [u8], length: usize) -> Option<usize> {
+    let (mut from, mut to) = (bytes.len().checked_sub(length)?, 0);
+    // From the end of the room to its begin: there is no other for them.
+    bytes.copy_within(..length, from);
+    while let Some(byte) = bytes.get(from).copied() {
+        from += 1;
+        *bytes.get_mut(to)? = byte;
+        to += 1;
+        if byte != 0 {
+            continue;
         }
+        let mut run = 1;
+        while bytes.get(from) == Some(&0) && run < u8::MAX {
+            from += 1;
+            run += 1;
+        }
+        // What has not been read yet is not written over.
+        *bytes.get_mut(to).filter(|_| to < from)? = run;
+        to += 1;
     }
-    Some(room - out.len())
+    Some(to)
 }
 
 /// What a copy has of a part.
@@ -91,29 +95,29 @@ fn find(mut copy: &[u8], index: usize) -> Option<&[u8]> {
 pub type Places = [u16; Part::COUNT];
 
 /// Writes a part behind the `length` bytes of a copy, or in the place of what that has of it. Returns
-/// the bytes of the copy, or `None` where there is too little room.
+/// the bytes of the copy, and of the encoding with its zeros; `None` where there is too little room.
 pub fn put(
     half: &mut [u8],
     length: usize,
     places: &mut Places,
     index: usize,
     part: &impl Serialize,
-) -> Option<usize> {
+) -> Option<(usize, usize)> {
     let (copy, free) = half.split_at_mut_checked(length)?;
-    let (out, scratch) = free.split_at_mut(free.len() / 2);
-    let bytes = encode(part, 0, scratch);
-    put_bytes(copy, out, places, index, scratch.get(..bytes)?)
+    let (head, out) = free.split_first_chunk_mut()?;
+    let bytes = encode(part, 0, out);
+    Some((put_bytes(copy, (head, out), places, index, bytes)?, bytes))
 }
 
+/// The same of an encoding of so many bytes that lies where there is room.
 fn put_bytes(
     copy: &mut [u8],
-    out: &mut [u8],
+    (head, out): (&mut [u8; HEAD], &mut [u8]),
     places: &mut Places,
     index: usize,
-    bytes: &[u8],
+    bytes: usize,
 ) -> Option<usize> {
-    let (head, out) = out.split_first_chunk_mut::<HEAD>()?;
-    let mut length = without_zeros(bytes, out)?;
+    let mut length = without_zeros(out, bytes)?;
     let place = places.get_mut(index)?;
     if let Some(begin) = usize::from(*place).checked_sub(1) {
         let (head, before) = copy.get_mut(begin..)?.split_first_chunk_mut::<HEAD>()?;
@@ -165,7 +169,10 @@ pub fn copy(bytes: &[u8], offset: usize, out: &mut [u8]) -> usize {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
+    use std::vec::Vec;
 
     const ROOM: usize = 2_048;
 
@@ -180,7 +187,7 @@ mod tests {
         fn put(&mut self, index: usize, part: &impl Serialize) -> bool {
             let Self(half, length, places) = self;
             let copied = put(half, *length, places, index, part);
-            *length = copied.unwrap_or(*length);
+            *length = copied.map_or(*length, |(length, _)| length);
             copied.is_some()
         }
 
@@ -248,11 +255,37 @@ mod tests {
         let mut made = Made::new();
         assert!(made.put(5, &[[1_u8; 32]; 24]));
         let before = made.0;
-        // Half of what is free is for the encoding before its zeros are taken out.
-        assert!(!made.put(6, &[[2_u8; 32]; 21]));
+        assert!(!made.put(6, &[[[2_u8; 32]; 20]; 2]));
+        // A zero takes two bytes where it is alone.
+        assert!(!made.put(6, &[[[2_u8, 0]; 32]; 20]));
+        assert!(!made.put(6, &[[[2_u8, 0]; 32]; 14]));
         made.has(5, &[1; 768]);
         assert_eq!(made.0[..made.1], before[..made.1]);
-        assert!(made.put(6, &[[2_u8; 32]; 16]));
-        made.has(6, &[2; 512]);
+        assert!(made.put(6, &[[[2_u8; 32]; 13]; 3]));
+        made.has(6, &[2; 1_248]);
+    }
+
+    #[test]
+    fn zeros_are_taken_out_in_their_place_or_refused() {
+        for pattern in (0_u32..1 << 24).step_by(97) {
+            let bits: Vec<u8> = (0..24).map(|bit| u8::from(pattern >> bit & 1 == 1)).collect();
+            let (mut wanted, mut lone) = (Vec::new(), 0);
+            for run in bits.chunk_by(|one, next| one == next) {
+                match run {
+                    [0, ..] => wanted.extend([0, u8::try_from(run.len()).unwrap()]),
+                    ones => wanted.extend(ones),
+                }
+                lone += usize::from(run == [0]);
+            }
+            for room in 24..=36 {
+                let mut out = bits.clone();
+                out.resize(room, 0xEE);
+                match without_zeros(&mut out, 24) {
+                    Some(length) => assert_eq!(out[..length], wanted),
+                    None => assert!(room < 24 + lone, "{pattern:b} in {room}"),
+                }
+            }
+            assert_eq!(without_zeros(&mut [0; 23], 24), None);
+        }
     }
 }

@@ -29,7 +29,6 @@ mod shelf;
 
 pub use board::RecordedBoard;
 pub use call::Call;
-pub use copy::{Places, encode};
 pub use recorded::Recorded;
 pub use recorder::Recorder;
 pub use recording::{Calls, Half, Recording, Unreadable};

@@ -50,7 +50,7 @@ impl<S: Shelf> Recorded<S> {
     #[inline(always)]
     fn note(&mut self, now: Instant, call: Call<'_>) {
         self.now = now;
-        self.recorder.note(now, &call);
+        self.recorder.note(&self.core, now, &call);
     }
 
     /// [`Gateway::handle`].
@@ -124,6 +124,9 @@ impl<S: Shelf> Recorded<S> {
 
     /// [`Gateway::take_flight_read`].
     pub fn take_flight_read(&mut self) -> Option<FlightRead> {
+        if !self.core.has_flight_read() {
+            return None;
+        }
         self.note(self.now, Call::TakeFlightRead);
         self.core.take_flight_read()
     }

@@ -24,6 +24,10 @@ const A_CRASH_REPORT: &str = "that of the run that was recorded";
 /// A copy of a core that is at rest takes half of the parts, each in a turn; one that takes more turns
 /// than this is given up.
 const MOST_TURNS: usize = 4 * Part::COUNT;
+/// A turn encodes parts of an axis or a link until it has so many bytes.
+const ENOUGH: usize = 64;
+/// What a part takes of its time whatever it has, in bytes.
+const PART_TAKES: usize = 8;
 /// Parts before those of the copies: what a file begins with, and the calls of each half.
 const FIRST_PARTS: usize = 3;
 
@@ -37,6 +41,8 @@ pub struct Recorder<S> {
     /// A copy is to be made in the half that is not written, and the making has begun.
     wants_copy: bool,
     copies: bool,
+    /// The last copy was given up: the next one is begun when the half that is written is full.
+    gave_up: bool,
     /// Parts to be copied next, and how many turns this copy has taken.
     pending: Range<usize>,
     turns: usize,
@@ -70,11 +76,6 @@ enum State {
     Ends,
 }
 
-/// The trip of one of these axes: of one that did not trip because another did.
-fn new_trip(core: &Gateway, axes: Set) -> Option<(u8, Trip)> {
-    core.trips(axes).min_by_key(|(_, trip)| matches!(trip.reason, TripReason::Group { .. }))
-}
-
 impl<S: Shelf> Recorder<S> {
     /// A recorder that has kept nothing and waits.
     pub const fn new(shelf: S, board: &'static Board) -> Self {
@@ -83,6 +84,7 @@ impl<S: Shelf> Recorder<S> {
             state: State::Waits,
             wants_copy: false,
             copies: false,
+            gave_up: false,
             pending: 0..0,
             turns: 0,
             places: [0; Part::COUNT],
@@ -168,10 +170,10 @@ impl<S: Shelf> Recorder<S> {
     /// Keeps a call that is about to be made. That a link is polled which has had nothing to send is
     /// kept once; one that had is told of by [`sent`](Self::sent).
     #[inline(always)]
-    pub fn note(&mut self, now: Instant, call: &Call<'_>) {
+    pub fn note(&mut self, core: &Gateway, now: Instant, call: &Call<'_>) {
         let is_kept = matches!(self.state, State::Records | State::Ends);
         if is_kept && self.log.is_news(call) && !self.keep_byte(now, call) {
-            self.keep(now, call);
+            self.keep(core, now, call);
         }
     }
 
@@ -186,16 +188,31 @@ impl<S: Shelf> Recorder<S> {
     }
 
     #[inline(never)]
-    fn keep(&mut self, now: Instant, call: &Call<'_>) {
+    fn keep(&mut self, core: &Gateway, now: Instant, call: &Call<'_>) {
         let Some(half) = self.halves.get_mut(self.half) else { return };
         match self.log.add(half, self.shelf.half_mut(self.half), now, call) {
             Room::Enough => {}
-            Room::Little => self.wants_copy |= self.state == State::Records,
-            // Where the copy behind which to go on takes longer than that, what passes until then
-            // is lost.
-            Room::None if self.state == State::Records => self.begin(),
+            Room::Little => self.wants_copy |= self.state == State::Records && !self.gave_up,
+            Room::None if self.state == State::Records => {
+                // A trip that the calls before have led to, and nobody has looked at.
+                self.trip = self.new_trip(core);
+                if self.trip.is_some() {
+                    self.wait();
+                } else {
+                    // What passes until the copy behind which to go on is whole is lost.
+                    self.begin();
+                }
+            }
             Room::None => self.wait(),
         }
+    }
+
+    /// The trip of an axis that had not tripped at the last look: of one that did not trip because
+    /// another did.
+    fn new_trip(&self, core: &Gateway) -> Option<(u8, Trip)> {
+        let seen = self.outcome.map_or(Set::NONE, |seen| seen.tripped);
+        let new = core.trips(core.tripped().without(seen));
+        new.min_by_key(|(_, trip)| matches!(trip.reason, TripReason::Group { .. }))
     }
 
     /// `poll_host` gave something: another time it may give more.
@@ -221,13 +238,12 @@ impl<S: Shelf> Recorder<S> {
     }
 
     fn came(&mut self, core: &mut Gateway, now: Instant, outcome: Outcome) {
-        let Outcome { armed, moving, tripped, .. } = outcome;
-        let before = self.outcome.replace(outcome);
-        let (were_armed, had_tripped) =
-            before.map_or((Set::NONE, Set::NONE), |seen| (seen.armed, seen.tripped));
+        let Outcome { armed, moving, .. } = outcome;
+        let were_armed = self.outcome.map_or(Set::NONE, |seen| seen.armed);
         let newly_armed = !armed.without(were_armed).is_empty();
-        let new_trip = new_trip(core, tripped.without(had_tripped));
-        self.note(now, &Call::Came(outcome));
+        let new_trip = self.new_trip(core);
+        self.note(core, now, &Call::Came(outcome));
+        self.outcome = Some(outcome);
         match self.state {
             State::Waits if newly_armed => {
                 (self.trip, self.run_before) = (None, None);
@@ -254,7 +270,7 @@ impl<S: Shelf> Recorder<S> {
     fn begin(&mut self) {
         // What is there is no predecessor.
         self.number = self.number.wrapping_add(1);
-        (self.state, self.wants_copy) = (State::Begins, true);
+        (self.state, self.wants_copy, self.gave_up) = (State::Begins, true, false);
     }
 
     /// Copies a part of the core, and goes on behind the copy when it is whole. Returns whether
@@ -276,18 +292,24 @@ impl<S: Shelf> Recorder<S> {
             self.pending = core.next_to_copy().unwrap_or_default();
         }
         let Range { start, end } = self.pending;
-        let middle = if S::IS_FAST { end } else { end.min(start + 1) };
-        self.pending.start = middle;
+        let (mut fits, mut bytes) = (true, 0);
+        for part in start..end {
+            let copied = self.copy_part(other, core, part);
+            self.pending.start = part + 1;
+            fits &= copied.is_some();
+            bytes += PART_TAKES + copied.unwrap_or_default();
+            if S::CORE.is_none() && bytes >= ENOUGH {
+                break;
+            }
+        }
         let has_more = !self.pending.is_empty() || core.has_more_to_copy();
         let last: &[usize] = if has_more { &[] } else { &Part::LAST };
-        let mut these = (start..middle).chain(last.iter().copied());
-        let fits = these.all(|part| self.copy_part(other, core, part));
+        fits &= last.iter().all(|part| self.copy_part(other, core, *part).is_some());
         self.turns += 1;
         if !fits || (has_more && self.turns > MOST_TURNS) {
-            // A copy is larger than a half, or the core changes faster than it is copied: nothing
-            // can be kept, but what has led to a trip is.
-            (self.wants_copy, self.copies) = (false, false);
-            if self.state != State::Ends {
+            // A copy is larger than a half, or the core changes faster than it is copied.
+            (self.wants_copy, self.copies, self.gave_up) = (false, false, true);
+            if self.state == State::Begins {
                 self.wait();
             }
             return false;
@@ -301,19 +323,26 @@ impl<S: Shelf> Recorder<S> {
             (half.number, half.since) = (Some(self.number), now);
         }
         (self.half, self.log) = (other, Log::from(now));
-        (self.wants_copy, self.copies) = (false, false);
+        (self.wants_copy, self.copies, self.gave_up) = (false, false, false);
         if self.state == State::Begins {
             self.state = State::Records;
         }
         false
     }
 
-    /// Whether there was room for this part.
-    fn copy_part(&mut self, half: usize, core: &Gateway, index: usize) -> bool {
-        let Some(kept) = self.halves.get_mut(half) else { return false };
-        let copied = self.shelf.copy(half, kept.copy, &mut self.places, core, index);
-        kept.copy = copied.unwrap_or_default();
-        copied.is_some()
+    /// How many bytes were encoded for this part; `None` where there was no room for it.
+    fn copy_part(&mut self, half: usize, core: &Gateway, index: usize) -> Option<usize> {
+        let kept = self.halves.get_mut(half)?;
+        if let Some(bytes) = S::CORE {
+            self.shelf.copy(half, core, index);
+            kept.copy = bytes;
+            return Some(0);
+        }
+        let (half, part) = (self.shelf.half_mut(half), Part::of(core, index)?);
+        let put = copy::put(half, core::mem::take(&mut kept.copy), &mut self.places, index, &part);
+        let (length, bytes) = put?;
+        kept.copy = length;
+        Some(bytes)
     }
 
     /// The halves that belong together, the older one first.
@@ -376,7 +405,13 @@ impl<S: Shelf> Recorder<S> {
             part => {
                 let part = part - FIRST_PARTS;
                 let Some((half, kept)) = self.kept().nth(part / Part::COUNT) else { return 0 };
-                self.shelf.read(half, kept.copy, part % Part::COUNT, offset, out)
+                let part = part % Part::COUNT;
+                if S::CORE.is_some() {
+                    let part = self.shelf.core(half).and_then(|core| Part::of(core, part));
+                    return part.map_or(0, |part| copy::encode(&part, offset, out));
+                }
+                let bytes = self.shelf.half(half).get(..kept.copy).unwrap_or_default();
+                copy::read(bytes, part, offset, out)
             }
         }
     }

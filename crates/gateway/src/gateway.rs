@@ -293,7 +293,7 @@ impl Gateway {
         let (links, log) = self.links.take_changed();
         let history = !self.retention.is_complete();
         let save = self.stored.is_due();
-        let flight_read = self.flight_reading.as_ref().is_some_and(FlightReading::is_due);
+        let flight_read = self.has_flight_read();
         let restart = self.image.restarts(self.now) && !self.stored.is_saving();
         let buses = self.changed_buses.take().with(self.crowded_buses);
         Changes { buses, links, log, history, save, flight_read, restart }

@@ -49,10 +49,10 @@ impl Gateway {
         buses.chain([
             (Part::OF_RING, links.ring_stale()),
             (Part::OF_HISTORY, history.stale()),
-            (Part::alone(Part::DRAFT), draft.stale()),
+            (Part::OF_DRAFT, draft.stale()),
             (Part::alone(Part::STORED), stored.stale()),
             (Part::alone(Part::IMAGE), image.stale()),
-            (Part::alone(Part::NAMES), names.stale()),
+            (Part::OF_NAMES, names.stale()),
         ])
     }
 }

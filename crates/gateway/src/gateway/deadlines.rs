@@ -5,6 +5,7 @@ use crate::gateway::Gateway;
 use crate::gateway::flight::FlightReading;
 use crate::gateway::requests::{Running, Together};
 use crate::gateway::unstopped::Why;
+use crate::link::Link;
 use crate::outbox::Outbox;
 use crate::set::Set;
 use crate::time::Instant;
@@ -91,13 +92,13 @@ impl Gateway {
     /// Begins the periods of subscriptions that are due.
     fn tick_links(&mut self, now: Instant) {
         for link in 0..MAX_LINKS_WIRE {
-            let Some(port) = self.links.get_mut(link) else { return };
-            if port.deadline().is_none_or(|at| at > now.as_micros()) {
+            let deadline = self.links.get(usize::from(link)).and_then(Link::deadline);
+            if deadline.is_none_or(|at| at > now.as_micros()) {
                 continue;
             }
-            let has_lapsed = port.tick(now.as_micros());
+            let lapses = self.links.get_mut(link).is_some_and(|link| link.tick(now.as_micros()));
             self.links.touch(link);
-            if has_lapsed {
+            if lapses {
                 self.watch();
             }
         }

@@ -40,6 +40,12 @@ impl FlightReading {
 }
 
 impl Gateway {
+    /// Whether [`take_flight_read`](Self::take_flight_read) has something.
+    #[must_use]
+    pub fn has_flight_read(&self) -> bool {
+        self.flight_reading.as_ref().is_some_and(FlightReading::is_due)
+    }
+
     /// What a host asks the flight recorder for, once.
     /// [`Event::FlightRecord`](crate::Event::FlightRecord) answers it; the port takes no other
     /// before that.

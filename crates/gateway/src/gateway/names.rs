@@ -4,11 +4,12 @@
 use super::Gateway;
 use super::requests::Result;
 use super::stored::{AXIS_ROWS, BUS_ROWS, STORED_ROWS};
+use crate::each::Each;
 use core::fmt;
 use core::ops::Range;
 use heapless::Vec;
 use host_protocol::{Error, MAX_NAME, Named, Subject, Text, is_name, replies, requests};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Words of a name.
 pub(crate) const NAME_WORDS: usize = MAX_NAME / size_of::<u32>();
@@ -18,12 +19,35 @@ pub(crate) type NameWords = [u32; NAME_WORDS];
 
 /// The name of each row; zeros where it has none. Made in its place by [`init`](Self::init): what
 /// is made before passes over the stack.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Deserialize)]
 pub(crate) struct Names {
     of: Vec<NameWords, STORED_ROWS>,
 }
 
+/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+struct Piece<'a> {
+    names: &'a Names,
+    piece: usize,
+}
+
+impl Serialize for Piece<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> core::result::Result<S::Ok, S::Error> {
+        const THESE: usize = STORED_ROWS.div_ceil(Names::PIECES);
+        let Names { of } = self.names;
+        let these = Each(|| of.iter().skip(self.piece * THESE).take(THESE));
+        if self.piece == 0 { (of.len(), these).serialize(to) } else { these.serialize(to) }
+    }
+}
+
 impl Names {
+    /// Into how many pieces a snapshot divides them.
+    pub const PIECES: usize = 4;
+
+    /// One of them.
+    pub fn piece(&self, piece: usize) -> impl Serialize {
+        Piece { names: self, piece }
+    }
+
     pub const fn new() -> Self {
         Self { of: Vec::new() }
     }

@@ -6,6 +6,8 @@
 
 use crate::axis::{Axis, Is};
 use crate::gateway::Gateway;
+use crate::gateway::names::Names;
+use crate::gateway::requests::Draft;
 use crate::history::History;
 use crate::link::{Link, Links};
 use crate::port::Board;
@@ -39,14 +41,14 @@ impl<'a> Part<'a> {
     /// The first of an axis, bus and link, each behind what a snapshot has before them.
     const AXES: usize = 1;
     pub(super) const BUSES: usize = Self::AXES + MAX_AXES * Axis::PIECES + 1;
-    pub(super) const RING: usize = Self::BUSES + MAX_BUSES;
+    const RING: usize = Self::BUSES + MAX_BUSES;
     const LINKS: usize = Self::RING + Links::RING_PIECES + 1;
-    pub(super) const HISTORY: usize = Self::LINKS + MAX_LINKS * Link::PIECES;
-    pub(super) const DRAFT: usize = Self::HISTORY + History::PIECES;
-    pub(super) const STORED: usize = Self::DRAFT + 1;
+    const HISTORY: usize = Self::LINKS + MAX_LINKS * Link::PIECES;
+    const DRAFT: usize = Self::HISTORY + History::PIECES;
+    pub(super) const STORED: usize = Self::DRAFT + Draft::PIECES;
     pub(super) const IMAGE: usize = Self::STORED + 1;
-    pub(super) const NAMES: usize = Self::IMAGE + 1;
-    const REST: usize = Self::NAMES + 1;
+    const NAMES: usize = Self::IMAGE + 1;
+    const REST: usize = Self::NAMES + Names::PIECES;
     /// How many there are; that of a bus which the board lacks is empty.
     pub const COUNT: usize = Self::REST + 1;
     /// Those that each call changes: they go last into a copy.
@@ -87,6 +89,8 @@ impl<'a> Part<'a> {
     /// Those of what has happened.
     pub(super) const OF_RING: Range<usize> = Self::RING..Self::LINKS - 1;
     pub(super) const OF_HISTORY: Range<usize> = Self::HISTORY..Self::DRAFT;
+    pub(super) const OF_DRAFT: Range<usize> = Self::DRAFT..Self::STORED;
+    pub(super) const OF_NAMES: Range<usize> = Self::NAMES..Self::REST;
 
     /// The one with this number alone.
     pub(super) const fn alone(index: usize) -> Range<usize> {
@@ -111,6 +115,9 @@ impl Serialize for Part<'_> {
         const LINKS: usize = Part::LINKS;
         const HISTORY: usize = Part::HISTORY;
         const DRAFT: usize = Part::DRAFT;
+        const STORED: usize = Part::STORED;
+        const NAMES: usize = Part::NAMES;
+        const REST: usize = Part::REST;
         let Gateway { axes, buses, links, history, draft, stored, image, names, .. } = self.gateway;
         match self.index {
             0 => axes.head().serialize(to),
@@ -135,10 +142,10 @@ impl Serialize for Part<'_> {
                 None => to.serialize_unit(),
             },
             index @ HISTORY..DRAFT => history.piece(index - HISTORY).serialize(to),
-            DRAFT => draft.serialize(to),
-            Part::STORED => stored.serialize(to),
+            index @ DRAFT..STORED => draft.piece(index - DRAFT).serialize(to),
+            STORED => stored.serialize(to),
             Part::IMAGE => image.serialize(to),
-            Part::NAMES => names.serialize(to),
+            index @ NAMES..REST => names.piece(index - NAMES).serialize(to),
             _ => self.gateway.rest().serialize(to),
         }
     }

@@ -92,8 +92,8 @@ impl Entry {
         Self { state: State::Sent, request: None, order: 0, length: 0, reply: [0; MAX_FRAME] };
 }
 
-/// The window of remembered requests.
-#[derive(Clone, Serialize, Deserialize)]
+/// The window of remembered requests. A snapshot has its fields in their order.
+#[derive(Clone, Deserialize)]
 pub struct Replies {
     entries: [Entry; WINDOW],
     /// The last requests. While replies are owed their places are fewer than these.
@@ -114,6 +114,19 @@ impl Replies {
         }
     }
 
+    /// How many pieces of its own a snapshot has of it, before the [rest](Self::rest).
+    pub const PIECES: usize = WINDOW;
+
+    /// One of them.
+    pub fn piece(&self, piece: usize) -> Option<&impl Serialize> {
+        self.entries.get(piece)
+    }
+
+    /// What comes behind them.
+    pub fn rest(&self) -> impl Serialize {
+        (self.recent, self.requests, &self.waiting)
+    }
+
     /// Whether this very request is remembered.
     pub fn contains(&self, request: Identity) -> bool {
         let request = Some(request);
@@ -123,7 +136,7 @@ impl Replies {
     /// Forgets everything; results that are still to come will be dropped.
     pub fn clear(&mut self) {
         for entry in &mut self.entries {
-            (entry.state, entry.request) = (State::Sent, None);
+            (entry.state, entry.request, entry.length) = (State::Sent, None, 0);
         }
         self.recent = [None; WINDOW];
         self.waiting.clear();
@@ -157,6 +170,8 @@ impl Replies {
             return Reserved::Full;
         };
         (entry.state, entry.request, entry.order) = (State::Executing, request, now);
+        // Nobody reads it any more, and a snapshot has room for it.
+        entry.length = 0;
         self.requests = now;
         if let Some(oldest) = self.recent.get_mut(now as usize % WINDOW) {
             *oldest = request;

@@ -1,14 +1,21 @@
 //! Whoever copies what is said to have changed has a copy of all: looked at again and again in every
 //! test of this folder.
 
+use crate::bench;
 use crate::rig::Rig;
-use gateway::{Event, Gateway, Instant, MAX_AXES, MAX_LINKS, MAX_SNAPSHOT, Part};
-use host_protocol::{MAX_FRAME, Request, requests};
+use gateway::{Event, FlightPage, Gateway, Instant, MAX_AXES, MAX_LINKS, MAX_SNAPSHOT, Part};
+use host_protocol::replies::MAX_FLIGHT_RECORD_BYTES;
+use host_protocol::{AxisParameter, Change, MAX_FRAME, Request, Subject, Text, Value, requests};
+
+/// A reply or half a request of a host, and a little more: each takes its time, and goes in one piece.
+const MOST: usize = MAX_FRAME + 16;
 
 fn encoded(gateway: &Gateway, part: usize) -> Vec<u8> {
     let mut bytes = [0; MAX_SNAPSHOT];
     let part = Part::of(gateway, part).expect("there is one");
-    postcard::to_slice(&part, &mut bytes).expect("it fits").to_vec()
+    let bytes = postcard::to_slice(&part, &mut bytes).expect("it fits").to_vec();
+    assert!(bytes.len() <= MOST, "a part takes {} bytes", bytes.len());
+    bytes
 }
 
 /// A copy of a gateway, part by part, without those that each call changes.
@@ -83,4 +90,38 @@ fn each_byte_of_a_gateway_is_copied_with_one_part() {
     assert_eq!(end, size_of::<Gateway>());
     // The rest comes last, in up to three pieces.
     assert!(all.len() <= MAX_AXES + MAX_LINKS + 3, "{}", all.len());
+}
+
+/// Names for all, a long list of changes, eight long replies and most of a request: no part has much.
+#[test]
+fn no_part_of_a_gateway_that_is_full_takes_long() {
+    let mut rig = bench::rmd_axes(8);
+    let begin = Request::BeginChanges(requests::BeginChanges {});
+    let add = |rig: &mut Rig, changes: &[Change]| {
+        let changes = changes.iter().cloned().collect();
+        rig.ask(Request::AddChanges(requests::AddChanges { changes })).unwrap();
+    };
+    rig.ask(begin.clone()).unwrap();
+    for axis in 0..8 {
+        let name = Some(Text::try_from(format!("sixteen_letter_{axis}").as_str()).unwrap());
+        add(&mut rig, &[Change::Name { of: Subject::Axis(axis), name }]);
+    }
+    rig.ask(Request::ApplyChanges(requests::ApplyChanges {})).unwrap();
+    rig.ask(begin).unwrap();
+    let parameter = AxisParameter::VelocityLimitRadS.number();
+    let limit = Change::Axis { axis: 0, parameter, value: Some(Value::Float(1.1)) };
+    for _ in 0..88 {
+        add(&mut rig, &[0; 4].map(|_| limit.clone()));
+    }
+    for part in 0..8 {
+        let sequence = rig.send(&requests::ReadFlightRecord { part, offset: 0 }.into());
+        assert!(rig.gateway.take_flight_read().is_some());
+        let bytes = [0xA5; MAX_FLIGHT_RECORD_BYTES];
+        let page = FlightPage { id: 7, parts: 9, length: 9_000, bytes: &bytes };
+        rig.handle(Event::FlightRecord { result: Ok(page) });
+        assert!(matches!(rig.answer(sequence), Some(Ok(_))));
+    }
+    rig.bytes(&[0x55; MAX_FRAME - 8]);
+    let parts = (0..Part::COUNT).map(|part| encoded(&rig.gateway, part).len());
+    assert!(parts.filter(|bytes| *bytes > 400).count() > 8, "it is full");
 }

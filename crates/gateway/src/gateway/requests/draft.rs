@@ -7,6 +7,7 @@ use crate::axes::Axes;
 use crate::axis::Axis;
 use crate::bus::Bus;
 use crate::config::AxisConfig;
+use crate::each::Each;
 use crate::gateway::names::{NAME_WORDS, NameWords, Names};
 use crate::gateway::stored::{AXIS_ROWS, BUS_ROWS};
 use crate::set::Set;
@@ -15,7 +16,7 @@ use crate::tracked::Tracked;
 use core::ops::Range;
 use heapless::Vec;
 use host_protocol::{AxisParameter, BusConfig, Error, Value};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Changes of axis parameters and of words of names that a list holds: eleven for each of 32 axes.
 const MOST: u16 = 352;
@@ -23,7 +24,7 @@ const MOST: u16 = 352;
 /// A list of changes. It belongs to the link in command, and is forgotten with its authority.
 ///
 /// `parameters` comes last, as the axes do in `Axes`.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[repr(C)]
 pub(crate) struct Draft {
     is_open: bool,
@@ -76,7 +77,33 @@ impl Entry {
     }
 }
 
+/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+struct Piece<'a> {
+    draft: &'a Draft,
+    piece: usize,
+}
+
+/// In the order of the fields.
+impl Serialize for Piece<'_> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        const THESE: usize = (MOST as usize).div_ceil(Draft::PIECES - 1);
+        let Draft { is_open, silence, buses, parameters } = self.draft;
+        let Some(behind) = self.piece.checked_sub(1) else {
+            return (is_open, silence, buses, parameters.len()).serialize(to);
+        };
+        Each(|| parameters.iter().skip(behind * THESE).take(THESE)).serialize(to)
+    }
+}
+
 impl Draft {
+    /// Into how many pieces a snapshot divides it.
+    pub const PIECES: usize = 9;
+
+    /// One of them.
+    pub fn piece(&self, piece: usize) -> impl Serialize {
+        Piece { draft: self, piece }
+    }
+
     pub const fn new() -> Self {
         Self { is_open: false, silence: None, buses: [None; MAX_BUSES], parameters: Vec::new() }
     }
