@@ -151,7 +151,8 @@ fn with_too_little_memory_nothing_is_kept_or_it_comes_again() {
     assert!(some > 20, "{some} were kept");
 }
 
-/// Also where the half is full when an axis trips, before anybody has looked at it.
+/// Wherever in a half it comes, and where the other one begins. (The simulator looks for trips after
+/// each event: none fills a half before it is seen.)
 #[test]
 fn a_trip_is_kept_wherever_the_half_ends() {
     let name = "a_motor_that_answers_all_but_its_fault_word_trips";
