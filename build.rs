@@ -38,11 +38,10 @@ const BOARDS: [Board; 2] = [
 
 /// Variables with which a cargo that builds the firmware would change how the loader is built: its
 /// flags, clippy in the compiler's place, and where its folders are.
-const NOT_FOR_THE_LOADER: [&str; 7] = [
+const NOT_FOR_THE_LOADER: [&str; 6] = [
     "CARGO_ENCODED_RUSTFLAGS",
     "RUSTFLAGS",
     "RUSTC_WORKSPACE_WRAPPER",
-    "RUSTC_WRAPPER",
     "CARGO_TARGET_DIR",
     "CARGO_BUILD_TARGET",
     "CARGO_BUILD_TARGET_DIR",
