@@ -3,16 +3,20 @@
 //!
 //! One executor polls all tasks, and a poll is not interrupted by another task. Urgent tasks, which
 //! serve the buses and what can stop them, go before the others. So that a flood on one of them
-//! starves no other, a task that never has to wait goes behind all others when its budget is spent.
+//! starves no other, a task that never has to wait goes behind all others when its budget is spent;
+//! and so that all of them together starve none that is not urgent, each goes behind these where
+//! they have not had a turn for long.
 
 use core::cell::Cell;
 use core::future::poll_fn;
 use core::mem;
 use core::pin::Pin;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::task::Poll;
 
 use embassy_executor::Metadata;
 use embassy_futures::yield_now;
+use embassy_time::{Duration, Instant};
 
 /// The order of the tasks; among equals the one that has waited longer goes first.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -36,6 +40,41 @@ const BUDGET: u8 = 4;
 /// So the stops of an e-stop leave in time although floods leave no task anything to wait for.
 const CAN_BUDGETS: u8 = 16;
 
+/// So long the urgent tasks may keep the processor to themselves: less than the watchdog waits.
+const LONGEST: Duration = Duration::from_millis(20);
+/// That is looked at in one of so many rounds.
+const LOOKED_AT_EVERY: u32 = 16;
+/// When the others had a turn last, µs modulo 2³².
+static OTHERS_RAN: AtomicU32 = AtomicU32::new(0);
+/// They have not had one for too long.
+static OTHERS_STARVE: AtomicBool = AtomicBool::new(false);
+/// Rounds of urgent tasks.
+static ROUNDS: AtomicU32 = AtomicU32::new(0);
+
+#[expect(clippy::cast_possible_truncation, reason = "modulo")]
+fn low_bits(us: u64) -> u32 {
+    us as u32
+}
+
+/// The tasks that are not urgent have a turn: one of them says so.
+pub fn others_run() {
+    OTHERS_RAN.store(low_bits(Instant::now().as_micros()), Ordering::Relaxed);
+    OTHERS_STARVE.store(false, Ordering::Relaxed);
+}
+
+/// Whether the urgent tasks have to let the others run, as an urgent one begins to wait. Tasks alone
+/// come here, so nothing comes between load and store.
+fn others_starve() -> bool {
+    let rounds = ROUNDS.load(Ordering::Relaxed).wrapping_add(1);
+    ROUNDS.store(rounds, Ordering::Relaxed);
+    if rounds.is_multiple_of(LOOKED_AT_EVERY) {
+        let now = low_bits(Instant::now().as_micros());
+        let since = now.wrapping_sub(OTHERS_RAN.load(Ordering::Relaxed));
+        OTHERS_STARVE.store(since > low_bits(LONGEST.as_micros()), Ordering::Relaxed);
+    }
+    OTHERS_STARVE.load(Ordering::Relaxed)
+}
+
 /// The budget of an urgent task's loop: the rounds it has run without having to wait.
 pub struct TaskBudget {
     task: &'static Metadata,
@@ -55,7 +94,8 @@ impl TaskBudget {
     /// urgency go first, and all tasks when the budget is spent; it is full again after a wait.
     pub fn wait<F: Future + Unpin>(&self, mut event: F) -> impl Future<Output = F::Output> {
         // What was dropped before its end leaves another urgency.
-        self.task.set_priority(self.urgency as u8);
+        let urgency = if others_starve() { Urgency::None } else { self.urgency };
+        self.task.set_priority(urgency as u8);
         let (mut is_first, mut held) = (true, None);
         poll_fn(move |context| {
             if let Some(result) = held.take() {

@@ -4,7 +4,7 @@ use embassy_time::{Duration, Instant, Ticker};
 
 use crate::shared_gateway::SharedGateway;
 use crate::watchdog::TaskId;
-use crate::{starts, watchdog};
+use crate::{starts, task_budget, watchdog};
 
 /// How often each loop that does not wait has to check in, and the watchdog is fed.
 const PERIOD: Duration = Duration::from_millis(10);
@@ -14,7 +14,7 @@ const ASKED_AT_ONCE: usize = 2;
 /// before the watchdog strikes.
 const NOTED_AFTER: u32 = 3;
 
-/// For ever. It needs no low priority: where it runs and others do not, these are missing.
+/// For ever. It is not urgent, and says when such tasks have had a turn.
 #[embassy_executor::task]
 pub async fn supervisor(gateway: &'static SharedGateway) -> ! {
     let mut ticker = Ticker::every(PERIOD);
@@ -23,6 +23,7 @@ pub async fn supervisor(gateway: &'static SharedGateway) -> ! {
     // All in less than a tenth of a second.
     let mut tasks = TaskId::all().cycle();
     loop {
+        task_budget::others_run();
         match watchdog::missing() {
             0 => {
                 watchdog::feed();

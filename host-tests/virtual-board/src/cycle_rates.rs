@@ -18,8 +18,8 @@ use std::{fmt, fs, thread};
 
 use host_protocol::requests::Cycle;
 use host_protocol::{
-    AxisParameter, CycleEvent, CycleMessage, Deframer, FixedU32, GatewayParameter, Kind, MAX_FRAME,
-    Overruns, Request, Setpoint, StateField, StateFields, StopAction, StopTarget, Value,
+    AxisParameter, CycleEvent, CycleMessage, Deframer, FixedU32, GatewayParameter, Incident, Kind,
+    MAX_FRAME, Overruns, Request, Setpoint, StateField, StateFields, StopAction, StopTarget, Value,
 };
 use mgw_client::{AxisSetpoint, Client, ClientError, make_velocity};
 use mgw_sim::Injection;
@@ -231,9 +231,14 @@ impl Rig {
         let over = self.client.run_cycle(&[], FIELDS, period).and_then(|()| {
             self.client.stop(StopTarget::All)?;
             self.machine.borrow_mut().run_for(STOPPED);
-            self.client.ping()
+            self.client.incidents()
         });
-        over.unwrap_or_else(|error| panic!("{situation}: {error}"));
+        // More than the processor can do is done late; it must not be the end of the run.
+        let incidents = over.unwrap_or_else(|error| panic!("{situation}: {error}"));
+        assert!(
+            incidents.iter().all(|incident| matches!(incident, Incident::Started { start: 1, .. })),
+            "{situation}, {speed} instructions a second: {incidents:?}"
+        );
         (row, stages)
     }
 
