@@ -48,23 +48,31 @@ impl CanBus {
         }
         let Some(controller) = &mut self.controller else { return false };
         let mut has_polled = false;
-        while let Some(slot) = core.poll_cancel(now, self.bus) {
+        while !controller.is_empty()
+            && let Some(slot) = core.poll_cancel(now, self.bus)
+        {
             controller.cancel(slot);
             has_polled = true;
         }
         let is_off = self.reported.is_some_and(|reported| reported.state == BusState::BusOff);
         while !is_off && controller.has_room() {
-            match &core.poll_transmit(now, self.bus) {
-                Some(Transmit { slot, frame: Outgoing::Can(frame) }) => {
+            let Some(Transmit { slot, frame, is_alone }) = &core.poll_transmit(now, self.bus)
+            else {
+                break;
+            };
+            has_polled = true;
+            match frame {
+                Outgoing::Can(frame) => {
                     defmt::trace!("bus {=u8}: sends {}", self.bus, frame);
                     controller.send(*slot, frame);
                 }
-                Some(Transmit { frame: Outgoing::Serial(_), .. }) => {
+                Outgoing::Serial(_) => {
                     defmt::error!("bus {=u8}: bytes for a CAN bus", self.bus);
                 }
-                None => break,
             }
-            has_polled = true;
+            if *is_alone {
+                break;
+            }
         }
         has_polled
     }

@@ -276,7 +276,10 @@ impl SharedGateway {
     /// history follows when nobody is in a hurry, after many trips in parts.
     #[inline(never)]
     pub fn handle(&self, event: Event<'_>) {
-        self.with(|parts, now| self.follow(parts, now, &event));
+        self.with(|parts, now| {
+            self.follow(parts, now, &event);
+            self.mind_deadline(parts);
+        });
     }
 
     #[inline(never)]
@@ -294,8 +297,10 @@ impl SharedGateway {
     #[inline(never)]
     pub fn follow_can(&self) -> bool {
         self.with(|parts, now| {
-            let event = parts.next_can_event();
-            event.as_ref().map(|event| self.follow(parts, now, event)).is_some()
+            let Some(event) = parts.next_can_event() else { return false };
+            self.follow(parts, now, &event);
+            self.mind_deadline(parts);
+            true
         })
     }
 
@@ -312,7 +317,11 @@ impl SharedGateway {
             changes = parts.core.take_changes();
         }
         self.tell(changes);
-        // A tick that comes too early finds nothing to do and costs less than to put it off.
+    }
+
+    /// Has the task of the deadlines come in time. A tick that comes too early finds nothing to do
+    /// and costs less than to put it off.
+    fn mind_deadline(&self, parts: &mut Parts) {
         if let Some(due) = parts.core.next_deadline()
             && self.tick.lock(Cell::get).is_none_or(|tick| due < tick)
         {
@@ -335,11 +344,11 @@ impl SharedGateway {
         if changes.restart {
             SCB::sys_reset();
         }
-        for (_, link) in (0u8..).zip(&self.links).filter(|(index, _)| changes.links.has(*index)) {
+        for link in changes.links.into_iter().filter_map(|link| self.links.get(link)) {
             link.signal(());
         }
-        for (_, bus) in (FIRST_RS485..).zip(&self.buses).filter(|(bus, _)| changes.buses.has(*bus))
-        {
+        let serial = changes.buses.into_iter().filter_map(|bus| bus.checked_sub(CAN_BUSES));
+        for bus in serial.filter_map(|bus| self.buses.get(bus)) {
             bus.signal(());
         }
     }
@@ -364,6 +373,7 @@ impl SharedGateway {
         let mut page = [0; MAX_FLIGHT_RECORD_BYTES];
         let result = parts.core.read(now, read, &mut page);
         self.follow(parts, now, &Event::FlightRecord { result });
+        self.mind_deadline(parts);
     }
 
     /// The next frame for an RS485 bus.
@@ -373,6 +383,7 @@ impl SharedGateway {
             let transmit = parts.core.poll_transmit(now, bus);
             let changes = parts.core.take_changes();
             self.hand_out(parts, now, changes);
+            self.mind_deadline(parts);
             transmit
         })
     }

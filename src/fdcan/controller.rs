@@ -139,6 +139,11 @@ impl Controller {
         self.waiting.is_none()
     }
 
+    /// Whether it holds no frame.
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_none() && self.held.iter().all(Option::is_none)
+    }
+
     /// Sends a frame as soon as the bus allows.
     pub fn send(&mut self, slot: u8, frame: &CanFrame) {
         if !self.launch(slot, frame) {

@@ -94,7 +94,7 @@ async fn send(
         watch.check_in();
         sender.between_bytes().await;
         match gateway.poll_transmit(bus) {
-            Some(Transmit { slot, frame: Outgoing::Serial(bytes) }) => {
+            Some(Transmit { slot, frame: Outgoing::Serial(bytes), .. }) => {
                 defmt::trace!("bus {=u8}: sends {=[u8]:02x}", bus, bytes);
                 // Not even the echo of the frame before has come: the ring no longer takes what
                 // comes.

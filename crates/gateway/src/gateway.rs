@@ -80,6 +80,9 @@ pub struct Gateway {
     pub(crate) latest: Instant,
     /// Buses that may have changed since it was worked out when they are due.
     pub(crate) touched_buses: Set,
+    /// No other bus is due before.
+    #[serde(skip)]
+    pub(crate) first_bus_due: Instant,
     /// Buses that may have changed since time alone was last looked at.
     pub(crate) unwatched_buses: Set,
     /// Buses that may have changed since that was last told.
@@ -133,6 +136,7 @@ impl Gateway {
             now: Instant::from_micros(0),
             latest: Instant::from_micros(0),
             touched_buses: Set::NONE,
+            first_bus_due: Instant::from_micros(0),
             unwatched_buses: Set::NONE,
             changed_buses: Set::NONE,
             crowded_buses: Set::NONE,
@@ -276,6 +280,9 @@ impl Gateway {
             self.axes.assert_kept(now, self.now, self.unstopped.axes());
             self.buses.iter().for_each(|bus| bus.assert_measured(&self.axes));
             self.links.assert_due();
+            let known = self.buses.iter().enumerate();
+            let mut known = known.filter(|(index, _)| !self.touched_buses.has(*index));
+            assert!(known.all(|(_, bus)| bus.due() >= self.first_bus_due), "first bus due");
             assert_eq!(self.served_buses, Set::NONE, "nothing waits to be settled");
         }
     }

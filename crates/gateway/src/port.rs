@@ -17,7 +17,8 @@
 //!   when a frame to that host has left, and when [`Changes`] names the link.
 //! - After every call of `handle` it polls what [`Changes`] names, each until nothing is left, and
 //!   after polling a bus what [`Gateway::take_changes`](crate::Gateway::take_changes) names. After
-//!   a start it polls everything once.
+//!   a start it polls everything once. It may leave out a poll that gives nothing: behind a frame
+//!   that [goes alone](Transmit::is_alone), and for frames to cancel where it holds none.
 //! - It gives `handle` a tick when [`Gateway::next_deadline`](crate::Gateway::next_deadline) has
 //!   come. Where many axes stop, that is at once: it polls the buses first, so that of each the
 //!   first stop leaves before the others are looked at.
@@ -342,6 +343,8 @@ pub struct Transmit {
     pub slot: u8,
     /// The frame.
     pub frame: Outgoing,
+    /// Nothing goes beside it: the next poll gives nothing before something happens.
+    pub is_alone: bool,
 }
 
 /// A frame on its way to a bus.

@@ -45,6 +45,7 @@ impl Gateway {
             latest,
             // Functions of the others, or of who has asked since.
             touched_buses: _,
+            first_bus_due: _,
             unwatched_buses: _,
             crowded_buses: _,
             served_buses: _,

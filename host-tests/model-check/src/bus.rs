@@ -221,7 +221,7 @@ impl Bus {
         };
         let what = match sender {
             Sender::Ours(index) => {
-                let Transmit { slot, frame } = self.held[index].clone();
+                let Transmit { slot, frame, .. } = self.held[index].clone();
                 OnWire::Ours { slot, frame, garbled: false }
             }
             Sender::Motor(index) => self.coming.remove(index).what,
@@ -252,7 +252,7 @@ impl Bus {
                 }
             }
         }
-        if let Some(Transmit { slot, frame }) = self.held.first().cloned() {
+        if let Some(Transmit { slot, frame, .. }) = self.held.first().cloned() {
             let garbled = match &self.sending {
                 Some((_, OnWire::Ours { .. })) => return,
                 Some(_) => true,

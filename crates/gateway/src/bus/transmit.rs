@@ -40,13 +40,13 @@ impl Bus {
         if self.config.is_none() || self.is_off() || !self.has_room() {
             return None;
         }
+        let is_alone = self.which(Is::Stopping, axes).is_empty();
         if let Some((index, want)) = self.choose(now, axes, Room::Left)
             && !self.empties_for_another_stop(now, axes, index)
-            && let Some(axis) = axes.get_mut(index)
         {
-            return self.hand_over(now, axis, want, out);
+            return self.hand_over(now, axes.get_mut(index)?, want, is_alone, out);
         }
-        self.raw_frame(now)
+        self.raw_frame(now, is_alone)
     }
 
     /// The port has sent the frame in `slot`.
@@ -234,6 +234,7 @@ impl Bus {
         now: Instant,
         axis: &mut Axis,
         want: Request,
+        is_alone: bool,
         out: &mut Outbox<'_>,
     ) -> Option<Transmit> {
         let command = axis.command_for(want.exchange);
@@ -268,10 +269,10 @@ impl Bus {
             in_flight.is_first_stop = want.priority.is_first_stop();
             in_flight.collided_at = collided_at;
         }
-        Some(Transmit { slot, frame })
+        Some(Transmit { slot, frame, is_alone })
     }
 
-    fn raw_frame(&mut self, now: Instant) -> Option<Transmit> {
+    fn raw_frame(&mut self, now: Instant, is_alone: bool) -> Option<Transmit> {
         if self.raw.is_none() || !self.may_send_ordinary(now) {
             return None;
         }
@@ -281,7 +282,7 @@ impl Bus {
         };
         let within = ACKNOWLEDGE_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         self.launch(now, ORDINARY_SLOT, None, &frame, within);
-        Some(Transmit { slot: ORDINARY_SLOT, frame })
+        Some(Transmit { slot: ORDINARY_SLOT, frame, is_alone })
     }
 
     fn launch(

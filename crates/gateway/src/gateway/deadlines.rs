@@ -28,10 +28,9 @@ impl Gateway {
         if cfg!(debug_assertions) {
             self.buses.iter().for_each(|bus| bus.assert_due(self.now, &self.axes));
         }
-        let mut next = self.axes.first_due().min(self.links.due());
-        for bus in &self.buses {
-            next = next.min(bus.due());
-        }
+        self.first_bus_due =
+            self.buses.iter().fold(Instant::NEVER, |first, bus| first.min(bus.due()));
+        let mut next = self.axes.first_due().min(self.links.due()).min(self.first_bus_due);
         let together = self.together.as_ref().and_then(Together::deadline);
         let running = self.running.as_ref().map(Running::deadline);
         let restart = self.image.deadline().filter(|_| !self.stored.is_saving());
@@ -61,10 +60,21 @@ impl Gateway {
         }
         // What of these is due may not have been worked out yet.
         let unwatched = self.unwatched_buses.take();
+        let touched = self.touched_buses;
+        let all_known = self.first_bus_due > now;
+        let looked_at = if all_known { touched.with(unwatched) } else { Set::ALL };
+        if !looked_at.is_empty() {
+            self.expire_buses(now, looked_at, unwatched);
+        }
+    }
+
+    /// What time has brought to these buses.
+    fn expire_buses(&mut self, now: Instant, looked_at: Set, unwatched: Set) {
         let mut due = self.touched_buses;
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        for (index, bus) in buses.iter_mut().enumerate() {
+        let in_order = buses.iter_mut().enumerate().filter(|(index, _)| looked_at.has(*index));
+        for (index, bus) in in_order {
             let is_due = due.has(index) || bus.due() <= now;
             let may_act = is_due || unwatched.has(index) && bus.may_expire(now);
             let has_acted = may_act && bus.expire(now, axes, &mut out);

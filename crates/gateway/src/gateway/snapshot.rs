@@ -181,6 +181,7 @@ impl Gateway {
             now,
             latest,
             touched_buses,
+            first_bus_due: _,
             unwatched_buses,
             changed_buses,
             crowded_buses,

@@ -485,7 +485,12 @@ impl Rig {
         self.give_back();
         for bus in 0..3 {
             self.note_named();
-            while let Some(Transmit { slot, frame }) = self.gateway.poll_transmit(self.now(), bus) {
+            let mut goes_alone = false;
+            while let Some(Transmit { slot, frame, is_alone }) =
+                self.gateway.poll_transmit(self.now(), bus)
+            {
+                assert!(!goes_alone, "bus {bus} has a frame beside one that goes alone");
+                goes_alone = is_alone;
                 self.assert_named(bus);
                 let text = match frame {
                     Outgoing::Can(frame) => can_text(&frame),

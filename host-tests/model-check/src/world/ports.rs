@@ -233,7 +233,7 @@ impl World {
                     self.inputs.push_back(Input::Cancelled { bus, slot });
                 }
             }
-            let mut frames = 0;
+            let (mut frames, mut goes_alone) = (0, false);
             while let Some(transmit) = self.gateway.poll_transmit(at, bus) {
                 self.check_named(bus);
                 if !self.life.takes_step(false) {
@@ -241,6 +241,8 @@ impl World {
                 }
                 frames += 1;
                 assert!(frames <= TRANSMIT_SLOTS, "bus {bus} is handed more than it can hold");
+                assert!(!goes_alone, "bus {bus} is handed a frame beside one that goes alone");
+                goes_alone = transmit.is_alone;
                 #[cfg(test)]
                 if self.swallows.is_some_and(|swallows| swallows(&transmit.frame)) {
                     self.inputs.push_back(Input::Transmitted { bus, slot: transmit.slot });

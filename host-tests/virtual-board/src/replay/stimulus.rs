@@ -121,7 +121,7 @@ pub fn outside(calls: &[Played<'_>], buses: usize) -> Outside {
         let mut add = |told, cause| causes.push(Stimulus { told, cause, at_once: false });
         match call {
             Call::PollTransmit { bus } => {
-                let Some(Transmit { slot, frame }) = transmit else { continue };
+                let Some(Transmit { slot, frame, .. }) = transmit else { continue };
                 let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
                 let frame = match frame {
                     Outgoing::Can(frame) => RawFrame::Can(*frame),

@@ -338,7 +338,11 @@ impl World {
             while port.takes_frames()
                 && let Some(transmit) = self.gateway.poll_transmit(now, bus)
             {
+                let is_alone = transmit.is_alone;
                 port.take(self.now, transmit);
+                if is_alone {
+                    break;
+                }
             }
         }
         for link in 0..self.links.len() {

@@ -109,7 +109,7 @@ impl Port {
     /// # Panics
     /// If the core breaks the contract of its port: a slot still in use, or a frame for another
     /// kind of bus.
-    pub(super) fn take(&mut self, now: Duration, Transmit { slot, frame }: Transmit) {
+    pub(super) fn take(&mut self, now: Duration, Transmit { slot, frame, .. }: Transmit) {
         let held =
             self.held.get_mut(usize::from(slot)).expect("the core used a slot that does not exist");
         assert!(
