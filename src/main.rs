@@ -83,6 +83,7 @@ async fn main(spawner: embassy_executor::Spawner) {
         SharedGateway::place(description, random::number(), words, is_bare, has_kept_flight);
     spawner.spawn(defmt::unwrap!(tasks::storage::storage(gateway)));
     gateway.has_started().await;
+    task_budget::others_have_run();
     spawner.spawn(defmt::unwrap!(tasks::supervisor::supervisor(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::history::history(gateway)));
     spawner.spawn(defmt::unwrap!(tasks::deadline::tick(gateway)));

@@ -359,10 +359,11 @@ impl SharedGateway {
         self.with(|parts, _| parts.storing(|core, store| core.save_some(store)))
     }
 
-    /// Stores all of it, and lets others go first between its parts. Before
+    /// Stores all of it, says so and lets others go first between its parts. Before
     /// [`poll_host`](Self::poll_host), which would not.
-    pub async fn save(&self) {
+    pub async fn save(&self, comes_round: impl Fn()) {
         while !self.save_some() {
+            comes_round();
             yield_now().await;
         }
     }

@@ -4,8 +4,8 @@
 //! One executor polls all tasks, and a poll is not interrupted by another task. Urgent tasks, which
 //! serve the buses and what can stop them, go before the others. So that a flood on one of them
 //! starves no other, a task that never has to wait goes behind all others when its budget is spent;
-//! and so that all of them together starve none that is not urgent, each goes behind these where
-//! they have not had a turn for long.
+//! and so that all of them together starve none that is not urgent, all go behind these where these
+//! have not had a turn for long.
 
 use core::cell::Cell;
 use core::future::poll_fn;
@@ -16,7 +16,12 @@ use core::task::Poll;
 
 use embassy_executor::Metadata;
 use embassy_futures::yield_now;
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_time::{Duration, Instant};
+use gateway::MAX_LINKS;
+
+use crate::board::RS485_BUSES;
 
 /// The order of the tasks; among equals the one that has waited longer goes first.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -40,8 +45,9 @@ const BUDGET: u8 = 4;
 /// So the stops of an e-stop leave in time although floods leave no task anything to wait for.
 const CAN_BUDGETS: u8 = 16;
 
-/// So long the urgent tasks may keep the processor to themselves: less than the watchdog waits.
-const LONGEST: Duration = Duration::from_millis(20);
+/// So long the urgent tasks may keep the processor to themselves: the watchdog waits for three times as much, and
+/// a loop may miss being looked at once.
+const LONGEST: Duration = Duration::from_millis(15);
 /// That is looked at in one of so many rounds.
 const LOOKED_AT_EVERY: u32 = 16;
 /// When the others had a turn last, µs modulo 2³².
@@ -50,21 +56,40 @@ static OTHERS_RAN: AtomicU32 = AtomicU32::new(0);
 static OTHERS_STARVE: AtomicBool = AtomicBool::new(false);
 /// Rounds of urgent tasks.
 static ROUNDS: AtomicU32 = AtomicU32::new(0);
+/// Those of RS485 buses and host links, of the CAN buses, the deadlines and the e-stop input.
+const URGENT_TASKS: usize = RS485_BUSES + MAX_LINKS + 3;
+/// The urgent tasks.
+static URGENT: Mutex<ThreadModeRawMutex, [Cell<Option<Urgent>>; URGENT_TASKS]> =
+    Mutex::new([const { Cell::new(None) }; URGENT_TASKS]);
+
+type Urgent = (&'static Metadata, Urgency);
 
 #[expect(clippy::cast_possible_truncation, reason = "modulo")]
 fn low_bits(us: u64) -> u32 {
     us as u32
 }
 
-/// The tasks that are not urgent have a turn: one of them says so.
-pub fn others_run() {
-    OTHERS_RAN.store(low_bits(Instant::now().as_micros()), Ordering::Relaxed);
-    OTHERS_STARVE.store(false, Ordering::Relaxed);
+/// Whether the urgent tasks have kept the processor from the others for too long.
+pub fn others_starve() -> bool {
+    OTHERS_STARVE.load(Ordering::Relaxed)
 }
 
-/// Whether the urgent tasks have to let the others run, as an urgent one begins to wait. Tasks alone
-/// come here, so nothing comes between load and store.
-fn others_starve() -> bool {
+/// The others have had a turn: one of them says so. Each urgent task goes before them again.
+pub fn others_have_run() {
+    OTHERS_RAN.store(low_bits(Instant::now().as_micros()), Ordering::Relaxed);
+    if others_starve() {
+        OTHERS_STARVE.store(false, Ordering::Relaxed);
+        URGENT.lock(|urgent| {
+            for (task, urgency) in urgent.iter().map_while(Cell::get) {
+                task.set_priority(urgency as u8);
+            }
+        });
+    }
+}
+
+/// Counts a round of an urgent task, and looks now and then whether the others starve. Tasks alone come here, so
+/// nothing comes between load and store.
+fn count_round() {
     let rounds = ROUNDS.load(Ordering::Relaxed).wrapping_add(1);
     ROUNDS.store(rounds, Ordering::Relaxed);
     if rounds.is_multiple_of(LOOKED_AT_EVERY) {
@@ -72,7 +97,6 @@ fn others_starve() -> bool {
         let since = now.wrapping_sub(OTHERS_RAN.load(Ordering::Relaxed));
         OTHERS_STARVE.store(since > low_bits(LONGEST.as_micros()), Ordering::Relaxed);
     }
-    OTHERS_STARVE.load(Ordering::Relaxed)
 }
 
 /// The budget of an urgent task's loop: the rounds it has run without having to wait.
@@ -86,6 +110,14 @@ impl TaskBudget {
     /// Gives the task that runs this an urgency.
     pub async fn new(urgency: Urgency) -> Self {
         let task = Metadata::for_current_task().await;
+        URGENT.lock(|urgent| {
+            let is_free = |place: &&Cell<Option<Urgent>>| {
+                place.get().is_none_or(|(other, _)| core::ptr::eq(other, task))
+            };
+            if let Some(place) = urgent.iter().find(is_free) {
+                place.set(Some((task, urgency)));
+            }
+        });
         task.set_priority(urgency as u8);
         Self { task, urgency, spent: Cell::new(0) }
     }
@@ -93,9 +125,9 @@ impl TaskBudget {
     /// Waits for the event that a round begins with. Where that is there already, tasks of the same
     /// urgency go first, and all tasks when the budget is spent; it is full again after a wait.
     pub fn wait<F: Future + Unpin>(&self, mut event: F) -> impl Future<Output = F::Output> {
+        count_round();
         // What was dropped before its end leaves another urgency.
-        let urgency = if others_starve() { Urgency::None } else { self.urgency };
-        self.task.set_priority(urgency as u8);
+        self.set_urgency(self.urgency);
         let (mut is_first, mut held) = (true, None);
         poll_fn(move |context| {
             if let Some(result) = held.take() {
@@ -122,7 +154,7 @@ impl TaskBudget {
     /// Ends a round behind which the next is ready, as a packet holds several requests: buses and
     /// deadlines go first too, and all tasks when the budget is spent.
     pub async fn spend_one_of_many(&self) {
-        self.task.set_priority(Urgency::Deadline as u8);
+        self.set_urgency(Urgency::Deadline);
         self.spend();
         yield_now().await;
         self.task.set_priority(self.urgency as u8);
@@ -134,9 +166,15 @@ impl TaskBudget {
         let is_last = spent == BUDGET * budgets;
         self.spent.set(if is_last { 0 } else { spent });
         if is_last {
-            self.task.set_priority(Urgency::None as u8);
+            self.set_urgency(Urgency::None);
         } else if spent.is_multiple_of(BUDGET) {
-            self.task.set_priority(Urgency::Demand as u8);
+            self.set_urgency(Urgency::Demand);
         }
+    }
+
+    /// Not while the others starve: then it goes behind them.
+    fn set_urgency(&self, urgency: Urgency) {
+        let urgency = if others_starve() { Urgency::None } else { urgency };
+        self.task.set_priority(urgency as u8);
     }
 }

@@ -8,7 +8,7 @@ use crate::watchdog::{TaskId, Watch};
 pub async fn history(gateway: &'static SharedGateway) -> ! {
     let watch = Watch::new(TaskId::HISTORY);
     loop {
-        gateway.save().await;
+        gateway.save(|| watch.check_in()).await;
         while watch.wait(gateway.history_changed()).await.is_none() {}
     }
 }

@@ -81,7 +81,7 @@ pub async fn send(gateway: &'static SharedGateway, link: u8, mut line: Sender) -
                 }
             }
         }
-        gateway.save().await;
+        gateway.save(|| watch.check_in()).await;
         let room = line.message().first_chunk_mut::<MAX_FRAME>();
         let Some(length) = room.and_then(|frame| gateway.poll_host(link, frame)) else {
             while watch.wait(gateway.link_changed(link)).await.is_none() {}

@@ -1,5 +1,6 @@
 //! Feeds the watchdog while every watched loop checks in or waits.
 
+use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Ticker};
 
 use crate::shared_gateway::SharedGateway;
@@ -23,7 +24,11 @@ pub async fn supervisor(gateway: &'static SharedGateway) -> ! {
     // All in less than a tenth of a second.
     let mut tasks = TaskId::all().cycle();
     loop {
-        task_budget::others_run();
+        if task_budget::others_starve() {
+            // Who else is ready has a turn.
+            yield_now().await;
+        }
+        task_budget::others_have_run();
         match watchdog::missing() {
             0 => {
                 watchdog::feed();

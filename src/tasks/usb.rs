@@ -84,7 +84,7 @@ async fn send(gateway: &SharedGateway, link: u8, mut sender: Sender) {
     let mut frame = [0; MAX_FRAME];
     let mut dropped = LineErrors::default();
     loop {
-        gateway.save().await;
+        gateway.save(|| ()).await;
         let Some(length) = gateway.poll_host(link, &mut frame) else {
             gateway.link_changed(link).await;
             continue;
