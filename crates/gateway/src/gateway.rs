@@ -80,7 +80,7 @@ pub struct Gateway {
     pub(crate) latest: Instant,
     /// Buses that may have changed since it was worked out when they are due.
     pub(crate) touched_buses: Set,
-    /// No other bus is due before.
+    /// No bus but these is due before.
     #[serde(skip)]
     pub(crate) first_bus_due: Instant,
     /// Buses that may have changed since time alone was last looked at.
