@@ -4,8 +4,8 @@
 //! One executor polls all tasks, and a poll is not interrupted by another task. Urgent tasks, which
 //! serve the buses and what can stop them, go before the others. So that a flood on one of them
 //! starves no other, a task that never has to wait goes behind all others when its budget is spent;
-//! and so that all of them together starve none that is not urgent, all go behind these where these
-//! have not had a turn for long.
+//! and so that all of them together starve none that is not urgent, those of the buses and the
+//! deadlines go behind these where these have not had a turn for long.
 
 use core::cell::Cell;
 use core::future::poll_fn;
@@ -74,7 +74,8 @@ pub fn others_starve() -> bool {
     OTHERS_STARVE.load(Ordering::Relaxed)
 }
 
-/// The others have had a turn: one of them says so. Each urgent task goes before them again.
+/// The others have had a turn: one of them says so. Each urgent task goes before them again, one
+/// that has been woken already when it is woken the next time.
 pub fn others_have_run() {
     OTHERS_RAN.store(low_bits(Instant::now().as_micros()), Ordering::Relaxed);
     if others_starve() {
@@ -172,9 +173,10 @@ impl TaskBudget {
         }
     }
 
-    /// Not while the others starve: then it goes behind them.
+    /// While the others starve it goes behind them, unless it can demand a stop.
     fn set_urgency(&self, urgency: Urgency) {
-        let urgency = if others_starve() { Urgency::None } else { urgency };
+        let is_behind = others_starve() && self.urgency != Urgency::Demand;
+        let urgency = if is_behind { Urgency::None } else { urgency };
         self.task.set_priority(urgency as u8);
     }
 }

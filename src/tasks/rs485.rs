@@ -93,6 +93,8 @@ async fn send(
     while gateway.bus_setup(bus) == Some(setup) {
         watch.check_in();
         sender.between_bytes().await;
+        // Each wait may have taken long where there is much to do.
+        watch.check_in();
         match gateway.poll_transmit(bus) {
             Some(Transmit { slot, frame: Outgoing::Serial(bytes), .. }) => {
                 defmt::trace!("bus {=u8}: sends {=[u8]:02x}", bus, bytes);
