@@ -45,8 +45,8 @@ const BUDGET: u8 = 4;
 /// So the stops of an e-stop leave in time although floods leave no task anything to wait for.
 const CAN_BUDGETS: u8 = 16;
 
-/// So long the urgent tasks may keep the processor to themselves: the watchdog waits for three times as much, and
-/// a loop may miss being looked at once.
+/// So long the urgent tasks may keep the processor to themselves: the watchdog waits for three
+/// times as much, and a loop may miss being looked at once.
 const LONGEST: Duration = Duration::from_millis(15);
 /// That is looked at in one of so many rounds.
 const LOOKED_AT_EVERY: u32 = 16;
@@ -88,8 +88,8 @@ pub fn others_have_run() {
     }
 }
 
-/// Counts a round of an urgent task, and looks now and then whether the others starve. Tasks alone come here, so
-/// nothing comes between load and store.
+/// Counts a round of an urgent task, and looks now and then whether the others starve. Tasks alone
+/// come here, so nothing comes between load and store.
 fn count_round() {
     let rounds = ROUNDS.load(Ordering::Relaxed).wrapping_add(1);
     ROUNDS.store(rounds, Ordering::Relaxed);

@@ -15,7 +15,7 @@ const ASKED_AT_ONCE: usize = 2;
 /// before the watchdog strikes.
 const NOTED_AFTER: u32 = 3;
 
-/// For ever. It is not urgent, and says when such tasks have had a turn.
+/// For ever. It is not urgent, and says when the tasks that are not have had a turn.
 #[embassy_executor::task]
 pub async fn supervisor(gateway: &'static SharedGateway) -> ! {
     let mut ticker = Ticker::every(PERIOD);

@@ -21,8 +21,8 @@ type Run = (BootReason, bool);
 const REMEMBERED_BYTES: usize = 160;
 /// What stands for the text of that report, which no host is told unasked.
 const A_CRASH_REPORT: &str = "that of the run that was recorded";
-/// A copy of a core that is at rest takes fewer turns than there are parts; one that takes more turns
-/// than this is given up.
+/// A copy of a core that is at rest takes fewer turns than there are parts; one that takes more
+/// turns than this is given up.
 const MOST_TURNS: usize = 4 * Part::COUNT;
 /// A turn encodes parts of an axis or a link until it has so many bytes.
 const ENOUGH: usize = 64;
