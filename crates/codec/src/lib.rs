@@ -35,8 +35,6 @@ mod flags;
 mod layout;
 mod node;
 mod shown;
-#[cfg(any(test, feature = "testing"))]
-pub mod testing;
 mod value;
 
 pub use build::{BuildError, Fields};

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use codec::testing::CanFrame;
+use codec_testing::CanFrame;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use d5::serial::Deframer;
 use d5::{Address, Node, Register, Request, Value, Width, answer, can, request_frame};

@@ -1,6 +1,6 @@
 //! What holds for every value and every byte string.
 
-use codec::testing::{CanFrame, numbers_of};
+use codec_testing::{CanFrame, numbers_of};
 use d5::serial::Deframer;
 use d5::{
     Address, COMMANDS, Celsius, DecodeError, Degrees, DegreesPerSecond, FRAME_LEN, Node, Payload,

@@ -1,6 +1,6 @@
 //! What no line of a vector file can say.
 
-use codec::testing::{CanFrame, check_deframer, check_names, hex};
+use codec_testing::{CanFrame, check_deframer, check_names, hex};
 use d5::serial::Deframer;
 use d5::{
     AckLevel, Address, COMMANDS, Celsius, Degrees, DegreesPerSecond, EncodeError, FAULTS, Faults,

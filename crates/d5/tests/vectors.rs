@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use codec::testing::{Codec, Decoded, Vector, Wire, check, found_on_line, vectors};
+use codec_testing::{Codec, Decoded, Vector, Wire, check, found_on_line, vectors};
 use d5::serial::SerialFraming;
 use d5::{
     Address, Answer, BuildError, COMMANDS, FRAME_LEN, Node, REGISTERS, Reply, Request, answer, can,

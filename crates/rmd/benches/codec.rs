@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use codec::testing::CanFrame;
+use codec_testing::CanFrame;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use embedded_can::{Frame, StandardId};
 use rmd::rs485::{self, Deframer, Scan};

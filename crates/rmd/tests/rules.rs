@@ -1,6 +1,6 @@
 //! What no line of a vector file can say.
 
-use codec::testing::{CanFrame, check_deframer, check_names};
+use codec_testing::{CanFrame, check_deframer, check_names};
 use embedded_can::{ExtendedId, Frame, Id, StandardId};
 use rmd::{
     BaudCode, COMMANDS, Dialect, EncodeError, FAULTS, FaultLevel, Faults, FieldValue,

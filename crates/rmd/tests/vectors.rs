@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use codec::testing::{Codec, Decoded, Vector, Wire, check, found_on_line, vectors};
+use codec_testing::{Codec, Decoded, Vector, Wire, check, found_on_line, vectors};
 use embedded_can::Frame;
 use rmd::rs485::{FRAME_LEN, Piece, Rs485Framing, Scan};
 use rmd::{

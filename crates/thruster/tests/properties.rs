@@ -1,6 +1,6 @@
 //! What holds for every value and every byte string.
 
-use codec::testing::{CanFrame, fields_in_range, numbers_of};
+use codec_testing::{CanFrame, fields_in_range, numbers_of};
 use proptest::prelude::*;
 use proptest::sample::select;
 use thruster::{COMMANDS, Headerless, Node, Payload, Reply, Request, answer, can};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use codec::testing::{Codec, Decoded, Vector, Wire, check, vectors};
+use codec_testing::{Codec, Decoded, Vector, Wire, check, vectors};
 use thruster::{
     Answer, BuildError, COMMANDS, Headerless, Node, Payload, Reply, Request, answer, can,
 };

@@ -1,8 +1,5 @@
 //! Frames as the vector files write them.
 
-use super::std::string::String;
-use super::std::vec::Vec;
-use super::std::{format, write};
 use core::fmt;
 
 use embedded_can::{ExtendedId, Frame, Id, StandardId};

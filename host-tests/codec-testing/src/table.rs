@@ -1,7 +1,7 @@
 //! What must hold of every table of commands, and requests made from its rows.
 
-use super::std::collections::{BTreeMap, BTreeSet};
-use crate::{CommandInfo, FieldKind, FieldValue, Visit};
+use codec::{CommandInfo, FieldKind, FieldValue, Visit};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Checks that the names of commands are unique, and that all names are in snake_case.
 pub fn check_names(commands: &[CommandInfo]) {

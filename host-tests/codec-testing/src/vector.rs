@@ -12,13 +12,10 @@
 //!
 //! Errors and values are Rust's `Debug` text.
 
-use super::std::format;
-use super::std::string::{String, ToString};
-use super::std::vec::Vec;
 use core::fmt::Debug;
 
 use super::Wire;
-use crate::{Deframer, EncodeError, FieldValue, Framing, Visit};
+use codec::{Deframer, EncodeError, FieldValue, Framing, Visit};
 
 /// In the source: accepted, but not sent like this.
 const NOT_SENT: [&str; 2] = ["decode only", "encoding refused"];

@@ -1,6 +1,6 @@
 //! What must hold of a deframer, whatever the framing.
 
-use crate::deframer::{Deframer, Framing};
+use codec::{Deframer, Framing};
 
 /// Pushes the parts in order, expects exactly these frames and returns the deframer after them.
 #[track_caller]

@@ -1,7 +1,5 @@
 //! What the tests and benchmarks of the codecs share.
 
-extern crate std;
-
 mod can_frame;
 mod line;
 mod table;
