@@ -22,7 +22,6 @@ pub mod port;
 mod protocol;
 mod rules;
 pub mod set;
-#[cfg(feature = "state-text")]
 mod state_text;
 pub mod time;
 mod tracked;

@@ -259,7 +259,6 @@ impl Link {
     }
 
     /// Writes what can influence the link from now on (see `Gateway::write_state`).
-    #[cfg(feature = "state-text")]
     pub(crate) fn write_state(&self, to: &mut impl core::fmt::Write) -> core::fmt::Result {
         let Self { deframer: _, replies, events, last_valid_us, subscription, baud } = self;
         let owed = replies.owed().count();

@@ -217,7 +217,6 @@ impl Replies {
     }
 
     /// The places of requests that have no result yet.
-    #[cfg(feature = "state-text")]
     pub fn owed(&self) -> impl Iterator<Item = Slot> {
         let executing = |(_, entry): &(usize, &Entry)| entry.state == State::Executing;
         let slot = |(index, entry): (usize, &Entry)| Slot { index, order: entry.order };
