@@ -1,5 +1,5 @@
 //! Firmware of the motor gateway: it carries bytes and frames between the board's ports and the
-//! core, [`gateway`].
+//! core, `gateway`.
 //!
 //! Built for a board with `cargo fw`; on the host this is an empty program.
 #![cfg_attr(target_os = "none", no_std, no_main)]
