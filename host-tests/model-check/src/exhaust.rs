@@ -19,5 +19,5 @@ mod tests;
 pub use alphabet::{Letter, alphabet};
 pub use pairs::{PAIRS, Pair};
 pub use prepared::{Prepared, prepare};
-pub use run::{Limits, run};
+pub use run::{Limits, Part, run};
 pub use search::{Found, Search, What};

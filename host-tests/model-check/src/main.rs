@@ -4,7 +4,7 @@
 //! counterexample of each promise but these; `model-check replay FILE [CHECK...]` runs a
 //! counterexample again, up to a broken promise other than these, and prints what was on the wires.
 
-use model_check::exhaust::{self, Limits};
+use model_check::exhaust::{self, Limits, Part};
 use model_check::{Counts, Step, World, bad_host, broken_with, generate::Generator, shrink, text};
 use promise_model::Violation;
 use std::process::ExitCode;
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
 fn usage() -> ExitCode {
     eprintln!(
         "usage: model-check run [EVENTS [FIRST_SEED]] | bad-host | \
-         exhaust [--depth N] [--seconds N] | \
+         exhaust [--depth N] [--seconds N | --part K/N] | \
          survey EVENTS FIRST_SEED [CHECK...] | replay FILE [CHECK...]"
     );
     ExitCode::FAILURE
@@ -216,7 +216,7 @@ fn bad_host() -> ExitCode {
 
 /// Every sequence up to a depth, as far as the time suffices.
 fn exhaust(words: &[&str]) -> ExitCode {
-    let mut limits = Limits { depth: DEPTH, time: Duration::from_secs(SECONDS) };
+    let mut limits = Limits { depth: DEPTH, time: Duration::from_secs(SECONDS), part: None };
     if words.contains(&"--seconds") && !words.contains(&"--depth") {
         // As deep as the time suffices.
         limits.depth = u8::MAX;
@@ -229,6 +229,7 @@ fn exhaust(words: &[&str]) -> ExitCode {
             ["--seconds", seconds] if seconds.parse::<u64>().is_ok() => {
                 limits.time = Duration::from_secs(seconds.parse().unwrap_or(SECONDS));
             }
+            ["--part", part] if Part::parse(part).is_some() => limits.part = Part::parse(part),
             _ => return usage(),
         }
     }
