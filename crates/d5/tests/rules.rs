@@ -7,7 +7,7 @@ use d5::{
     MotorError, Node, REGISTERS, Register, RegisterInfo, Reply, Request, Value, Width, can,
     decode_request_frame, encode_angle, encode_speed, encode_temperature,
 };
-use embedded_can::{ExtendedId, Frame, Id, StandardId};
+use embedded_can::{ExtendedId, Id, StandardId};
 
 #[test]
 fn the_names_of_the_table() {

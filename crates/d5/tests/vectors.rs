@@ -8,7 +8,6 @@ use d5::{
     Address, Answer, BuildError, COMMANDS, FRAME_LEN, Node, REGISTERS, Reply, Request, answer, can,
     decode_reply_frame, decode_request_frame,
 };
-use embedded_can::Frame;
 
 /// The frames that the manual prints, and those of its tables.
 const GOLDEN: &str = include_str!("../../../host-tests/vectors/d5.txt");

@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 
 use codec_testing::{Codec, Decoded, Vector, Wire, check, found_on_line, vectors};
-use embedded_can::Frame;
 use rmd::rs485::{FRAME_LEN, Piece, Rs485Framing, Scan};
 use rmd::{
     Answer, COMMANDS, CommandInfo, Dialect, Node, Reply, Request, Target, answer, answer_on_line,

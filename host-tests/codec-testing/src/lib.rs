@@ -1,12 +1,11 @@
 //! What the tests and benchmarks of the codecs share.
 
-mod can_frame;
 mod line;
 mod table;
 mod vector;
 mod wire;
 
-pub use can_frame::CanFrame;
+pub use host_protocol::CanFrame;
 pub use line::{check_deframer, deframed};
 pub use table::{check_names, fields_in_range, numbers_of};
 pub use vector::{Codec, Decoded, Vector, check, found_on_line, vectors};
