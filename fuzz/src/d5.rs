@@ -1,12 +1,12 @@
 //! D5 frames: as received, and with header and checksum set right, so that the rest is looked at.
 
+use codec_testing::numbers_of;
 use d5::{
     Address, Answer, FRAME_LEN, Message, Node, Payload, Register, Reply, Request, Value, answer,
     can, decode_frame, reply_frame, request_frame,
 };
 use host_protocol::CanFrame;
 
-use crate::fields::shown_fields;
 use crate::frames::Input;
 
 pub fn check(bytes: &[u8]) {
@@ -34,7 +34,7 @@ pub fn check(bytes: &[u8]) {
 }
 
 fn check_request(address: Address, request: &Request) {
-    let fields = shown_fields(|visit| request.visit_fields(visit));
+    let fields = numbers_of(|visit| request.visit_fields(visit));
     match request_frame(address, request) {
         Ok(frame) => assert_eq!(decode_frame(&frame), Ok(Message::Request(address, *request))),
         Err(error) => {
@@ -71,7 +71,7 @@ fn check_reply(node: Node, reply: &Reply) {
         Err(error) => _ = error.to_string(),
     }
     _ = reply.name();
-    _ = shown_fields(|visit| reply.visit_fields(visit));
+    _ = numbers_of(|visit| reply.visit_fields(visit));
 }
 
 fn check_answer(request: &Request, from: Node, reply: &Reply) {

@@ -10,7 +10,6 @@ pub mod rmd;
 pub mod rmd_rs485;
 pub mod thruster;
 
-mod fields;
 pub mod frames;
 mod line;
 mod take;

@@ -2,10 +2,10 @@
 
 use core::array::TryFromSliceError;
 
+use codec_testing::numbers_of;
 use host_protocol::CanFrame;
 use rmd::{Answer, Dialect, Reply, Request, Target, answer, answer_on_line, can, rs485};
 
-use crate::fields::shown_fields;
 use crate::frames::Input;
 
 pub fn check(bytes: &[u8]) {
@@ -30,7 +30,7 @@ pub fn check(bytes: &[u8]) {
                 Err(error) => _ = error.to_string(),
             }
             _ = reply.name();
-            _ = shown_fields(|visit| reply.visit_fields(visit));
+            _ = numbers_of(|visit| reply.visit_fields(visit));
         }
         Err(error) => _ = error.to_string(),
     }
@@ -53,7 +53,7 @@ fn check_dialect(dialect: Dialect, data: &[u8; 8]) {
     }
     if let Ok(reply) = Reply::decode_in(dialect, data) {
         _ = (answer(&request, &reply), reply.encode());
-        _ = shown_fields(|visit| reply.visit_fields(visit));
+        _ = numbers_of(|visit| reply.visit_fields(visit));
     }
 }
 
@@ -71,7 +71,7 @@ fn check_request(target: Target, request: &Request) {
         Ok(frame) => assert_eq!(can::decode_any_request(&frame), Ok((target, *request))),
         Err(error) => _ = error.to_string(),
     }
-    let fields = shown_fields(|visit| request.visit_fields(visit));
+    let fields = numbers_of(|visit| request.visit_fields(visit));
     // The words of motion mode are converted by other divisors one way than the other (RMD V3.6
     // §5.4).
     if request.encode().is_ok()

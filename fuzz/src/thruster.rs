@@ -1,9 +1,9 @@
 //! Thruster frames.
 
+use codec_testing::numbers_of;
 use host_protocol::CanFrame;
 use thruster::{Answer, Headerless, Node, Payload, Reply, Request, answer, can};
 
-use crate::fields::shown_fields;
 use crate::frames::Input;
 
 pub fn check(bytes: &[u8]) {
@@ -31,7 +31,7 @@ pub fn check(bytes: &[u8]) {
 }
 
 fn check_request(node: Node, request: &Request) {
-    let fields = shown_fields(|visit| request.visit_fields(visit));
+    let fields = numbers_of(|visit| request.visit_fields(visit));
     match can::request::<CanFrame>(node, request) {
         Ok(frame) => assert_eq!(can::decode_request(&frame), Ok((node, *request))),
         Err(error) => {
@@ -51,7 +51,7 @@ fn check_reply(node: Node, reply: &Reply) {
         Err(error) => _ = error.to_string(),
     }
     _ = reply.name();
-    _ = shown_fields(|visit| reply.visit_fields(visit));
+    _ = numbers_of(|visit| reply.visit_fields(visit));
 }
 
 fn check_answer(request: &Request, reply: &Reply) {

@@ -28,7 +28,8 @@ pub fn fields_in_range<'a>(
     }
 }
 
-/// The numbers among the fields that a request shows, by name: those that build it again.
+/// The numbers among the fields that a message shows, by name: of a request those that build it
+/// again. The flags that are set are asked for their names, too.
 pub fn numbers_of(visit_fields: impl FnOnce(&mut Visit<'_>)) -> BTreeMap<&'static str, f64> {
     let mut numbers = BTreeMap::new();
     visit_fields(&mut |name, value| {
@@ -36,7 +37,10 @@ pub fn numbers_of(visit_fields: impl FnOnce(&mut Visit<'_>)) -> BTreeMap<&'stati
             FieldValue::Integer(value) => value as f64,
             FieldValue::Physical(value) => value,
             FieldValue::Bool(value) => f64::from(u8::from(value)),
-            FieldValue::Flags { raw, .. } => f64::from(raw),
+            FieldValue::Flags { raw, names } => {
+                names(raw, &mut |_| ());
+                f64::from(raw)
+            }
             FieldValue::Text(_) | FieldValue::Bytes(_) => return,
         };
         numbers.insert(name, number);
