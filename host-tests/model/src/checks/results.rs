@@ -7,6 +7,9 @@ use crate::wire::{Clears, Kind, Message, Request, event, events_lost, report};
 
 /// Errors (PROTOCOL.md, Errors) that come before authority is looked at.
 const READ_BEFORE_AUTHORITY: [u16; 10] = [1, 2, 5, 6, 7, 17, 44, 45, 75, 76];
+/// Those that refuse whoever asks, the link in command too: what is stored, or an image on trial or
+/// about to start, comes first.
+const REFUSES_EVERYBODY: [u16; 3] = [81, 131, 133];
 /// Those that refuse it: another link has it, or nobody and a watcher asks, or that of a link
 /// without session.
 const NOT_IN_COMMAND: [u16; 3] = [4, 96, 98];
@@ -125,11 +128,7 @@ impl Oracle {
                     self.reported(now, &request, report);
                 }
             } else {
-                if took
-                    && at == now
-                    && READ_BEFORE_AUTHORITY.contains(&message.number)
-                    && self.untaken(&request, message.number)
-                {
+                if took && at == now && is_untaken(&request, message.number) {
                     self.holder = None;
                 }
                 if !refused
@@ -170,10 +169,12 @@ impl Oracle {
             None => self.broken(Check::ResultChanged, now, seen),
         }
     }
+}
 
-    /// Whether a request that was refused so has not taken authority: what cannot be read, and
-    /// natives that are none.
-    fn untaken(&self, request: &Request, error: u16) -> bool {
-        matches!(error, 1 | 2) || matches!(request, Request::Native { .. })
-    }
+/// Whether a request that was refused so has not taken authority: what cannot be read, natives that
+/// are none, and what is refused whoever asks.
+fn is_untaken(request: &Request, error: u16) -> bool {
+    matches!(error, 1 | 2)
+        || REFUSES_EVERYBODY.contains(&error)
+        || matches!(request, Request::Native { .. }) && READ_BEFORE_AUTHORITY.contains(&error)
 }
