@@ -1,9 +1,10 @@
 //! What a flight recorder keeps of a trip is enough to do it all again: every scenario is played,
 //! and then again from what was recorded of it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::{LazyLock, OnceLock};
 
 use flight_recorder::{Recording, Unreadable};
 use host_protocol::TripReason;
@@ -54,6 +55,13 @@ fn scenarios() -> Vec<String> {
     texts.map(|file| file.file_stem().unwrap().to_string_lossy().into_owned()).collect()
 }
 
+/// What was recorded of a scenario, which is played once.
+fn recorded(name: &str) -> &'static [u8] {
+    static PLAYED: LazyLock<BTreeMap<String, OnceLock<Vec<u8>>>> =
+        LazyLock::new(|| scenarios().into_iter().map(|name| (name, OnceLock::new())).collect());
+    PLAYED[name].get_or_init(|| scenario::flight_recorder(&text(name), 1).unwrap())
+}
+
 /// `SetpointExpired`, without what it carries.
 fn reason(reason: &TripReason) -> String {
     let text = format!("{reason:?}");
@@ -66,8 +74,7 @@ fn again(memory: &[u8]) -> Replayed {
 
 /// What led to the trip of a motor that does not tell its faults: one half, with room in it.
 fn short() -> Vec<u8> {
-    let name = "a_motor_that_answers_all_but_its_fault_word_trips";
-    scenario::flight_recorder(&text(name), 1).unwrap()
+    recorded("a_motor_that_answers_all_but_its_fault_word_trips").to_vec()
 }
 
 /// The record, with half of the calls of its first half gone.
@@ -82,17 +89,17 @@ fn cut(record: &[u8]) -> Vec<u8> {
 fn every_trip_of_every_scenario_comes_again_at_the_same_microsecond() {
     let (mut reasons, mut switched) = (BTreeSet::new(), 0);
     for name in scenarios() {
-        let memory = scenario::flight_recorder(&text(&name), 1).unwrap();
-        let halves = match Recording::read(&memory) {
+        let memory = recorded(&name);
+        let halves = match Recording::read(memory) {
             // Nothing was armed.
             Err(Unreadable::Nothing) => continue,
             recording => recording.unwrap().halves.len(),
         };
-        let replayed = again(&memory);
+        let replayed = again(memory);
         assert!(replayed.is_same(), "{name}: {replayed:?}");
         if halves == 2 {
             switched += 1;
-            let replayed = again(&cut(&memory));
+            let replayed = again(&cut(memory));
             assert!(replayed.diverged_us.is_some(), "{name}, cut: {replayed:?}");
         }
         reasons.extend(replayed.recorded.map(|(_, trip)| reason(&trip.reason)));
@@ -114,8 +121,7 @@ fn kept_in(half: usize, turns: usize, name: &str) -> Option<usize> {
     };
     // What was kept until there was no room any more led to no trip.
     recording.trip?;
-    let large = scenario::flight_recorder(&text(name), 1).unwrap();
-    assert_eq!(recording.trip, Recording::read(&large).unwrap().trip, "{name}, {flight:?}");
+    assert_eq!(recording.trip, Recording::read(recorded(name)).unwrap().trip, "{name}, {flight:?}");
     let replayed = again(&small);
     assert!(replayed.is_same(), "{name}, {flight:?}: {replayed:?}");
     Some(recording.halves.len())
@@ -126,8 +132,8 @@ fn kept_in(half: usize, turns: usize, name: &str) -> Option<usize> {
 fn with_little_memory_less_is_kept_of_every_trip_and_it_comes_again_all_the_same() {
     let mut switched = 0;
     for name in scenarios() {
-        let memory = scenario::flight_recorder(&text(&name), 1).unwrap();
-        let has_trip = Recording::read(&memory).is_ok_and(|recording| recording.trip.is_some());
+        let memory = recorded(&name);
+        let has_trip = Recording::read(memory).is_ok_and(|recording| recording.trip.is_some());
         let kept = kept_in(SMALL, usize::MAX, &name);
         assert_eq!(kept.is_some(), has_trip, "{name}");
         switched += usize::from(kept == Some(2));
@@ -195,17 +201,17 @@ fn no_axis_trips_otherwise_and_is_told_as_the_same() {
     names.sort();
     // One of several trips, with all that led to them in the first half.
     let found = names.iter().find_map(|name| {
-        let memory = scenario::flight_recorder(&text(name), 1).unwrap();
-        let halves = Recording::read(&memory).ok()?.halves.len();
-        let (replayed, recorded) = trips(&memory);
+        let memory = recorded(name);
+        let halves = Recording::read(memory).ok()?.halves.len();
+        let (replayed, recorded) = trips(memory);
         (halves == 1 && replayed.is_same() && recorded.len() > 2).then_some((memory, recorded))
     });
     let (memory, recorded) = found.expect("a scenario of several trips");
     // One bit of what led to it is another one, as if a core did otherwise.
-    let Range { start: begin, end } = calls(&memory, 0);
+    let Range { start: begin, end } = calls(memory, 0);
     let mut otherwise = 0;
-    for at in (begin..end).step_by((end - begin) / 600 + 1) {
-        let mut changed = memory.clone();
+    for at in (begin..end).step_by((end - begin) / 200 + 1) {
+        let mut changed = memory.to_vec();
         changed[at] ^= 1 << (at % 8);
         let (replayed, trips) = trips(&changed);
         if trips != recorded {

@@ -12,7 +12,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Events of a run in CI.
+/// Events of a run, unless told otherwise.
 const EVENTS: u64 = 10_000_000;
 /// Of them at least so many in a hundred must fall while an axis is armed, active or stopping.
 const BUSY_PERCENT: u64 = 30;

@@ -13,7 +13,7 @@ use crate::rig::{Cut, MOTOR, Rig};
 const V3_9: u8 = 3;
 const V4_4: u8 = 6;
 /// Frames that only look for motors are cut at each so many'th.
-const LOOKS: usize = 48;
+const LOOKS: usize = 96;
 
 /// A command, and where its motor may be found afterwards.
 struct Step {
@@ -69,13 +69,13 @@ impl Step {
             };
             let near =
                 (at.saturating_sub(2)..=at + 2).any(|at| at < frames.len() && writes(&frames[at]));
-            if every_frame() || near || !is_look(at) && at % 4 == 0 || at % LOOKS == 0 {
+            if every_frame() || near || !is_look(at) && at % 8 == 0 || at % LOOKS == 0 {
                 self.check(Cut::Power(at));
                 self.check(Cut::Gateway(at));
                 cuts += 2;
             }
         }
-        for at in (0..messages).step_by(step(messages)).chain(messages.saturating_sub(12)..messages)
+        for at in (0..messages).step_by(step(messages)).chain(messages.saturating_sub(6)..messages)
         {
             self.check(Cut::Cable(at));
             cuts += 1;
@@ -89,9 +89,9 @@ fn every_frame() -> bool {
     std::env::var_os("MGW_EVERY_FRAME").is_some()
 }
 
-/// So that a command of many messages is cut at about 30 of them.
+/// So that a command of many messages is cut at about 16 of them.
 fn step(messages: usize) -> usize {
-    if every_frame() { 1 } else { (messages / 30).max(1) }
+    if every_frame() { 1 } else { (messages / 16).max(1) }
 }
 
 /// Whether a frame changes the motor.

@@ -2,7 +2,7 @@
 //! and keeps a velocity in force.
 //!
 //! ```text
-//! cargo run --example hold -- tcp/192.168.1.2:7447 left 0 2.0 5
+//! cargo run -p mgw-zenoh --example hold -- tcp/192.168.1.2:7447 left 0 2.0 5
 //! ```
 
 use std::process::ExitCode;

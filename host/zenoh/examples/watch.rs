@@ -1,7 +1,7 @@
 //! Prints all that is published: of every gateway in the network, or under a key of its.
 //!
 //! ```text
-//! cargo run --example watch -- tcp/192.168.1.2:7447 'motor-gateway/*/events'
+//! cargo run -p mgw-zenoh --example watch -- tcp/192.168.1.2:7447 'motor-gateway/*/events'
 //! ```
 
 use std::process::ExitCode;

@@ -1,7 +1,7 @@
 //! A gateway that is nothing but a script, behind a line in virtual time.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::io;
 use std::rc::Rc;
 use std::time::Duration;
@@ -40,6 +40,8 @@ pub struct Line {
     /// How often the line was opened again.
     pub reopened: usize,
     pub closed: bool,
+    /// How often each frame was sent.
+    times: HashMap<Vec<u8>, usize>,
     arriving: VecDeque<Said>,
     script: Script,
 }
@@ -55,6 +57,7 @@ impl Scripted {
             sent: Vec::new(),
             reopened: 0,
             closed: false,
+            times: HashMap::new(),
             arriving: VecDeque::new(),
             script: Box::new(script),
         })))
@@ -87,7 +90,9 @@ impl Transport for Scripted {
         }
         let now = line.now;
         line.sent.push((now, bytes.to_vec()));
-        let times = line.sent.iter().filter(|(_, earlier)| earlier == bytes).count();
+        let times = line.times.entry(bytes.to_vec()).or_default();
+        *times += 1;
+        let times = *times;
         let mut deframer = Deframer::new();
         let mut said = Vec::new();
         for byte in bytes {
