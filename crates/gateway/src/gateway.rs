@@ -20,7 +20,7 @@ use crate::axes::Axes;
 use crate::axis::{Axis, Is};
 use crate::bus::{Assumptions, Bus, BusPlan};
 use crate::history::History;
-use crate::link::{Identity, Link, Links, stops_each_time};
+use crate::link::{Identity, Link, Links};
 use crate::log::LogEntry;
 use crate::outbox::{Outbox, Ticket};
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
@@ -30,7 +30,7 @@ use crate::tracked::Tracked;
 use crate::{MAX_AXES_WIRE, MAX_BUSES};
 use flight::FlightReading;
 use heapless::Vec;
-use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request};
+use host_protocol::{DEFAULT_BAUD, Error, Incident, Kind, MAX_FRAME, Request, class};
 use image::Image;
 use names::Names;
 use requests::{Arming, Authority, Cycle, Draft, Running, Together};
@@ -446,7 +446,7 @@ impl Gateway {
         if !watches {
             self.authority.heard(now, link);
             self.link_lost = false;
-        } else if !has_session && !request.as_ref().is_ok_and(stops_each_time) {
+        } else if !has_session && !request.as_ref().is_ok_and(|request| request.is(class::STOPS)) {
             request = Err(Error::NoSession {});
         }
         let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);

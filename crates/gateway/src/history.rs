@@ -23,33 +23,20 @@ pub(crate) struct History {
     unsaved: Set,
 }
 
-/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
-struct Piece<'a> {
-    history: &'a History,
-    piece: usize,
-}
-
-/// In the order of the fields.
-impl Serialize for Piece<'_> {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        const LAST: usize = History::PIECES - 1;
-        const THESE: usize = INCIDENTS.div_ceil(History::PIECES);
-        let History { incidents, next, unsaved } = self.history;
-        let these = Each(|| incidents.iter().skip(self.piece * THESE).take(THESE));
-        match self.piece {
-            LAST => (these, next, unsaved).serialize(to),
-            _ => these.serialize(to),
-        }
-    }
-}
-
 impl History {
     /// Into how many pieces a snapshot divides it.
     pub const PIECES: usize = 2;
 
-    /// One of them.
-    pub fn piece(&self, piece: usize) -> impl Serialize {
-        Piece { history: self, piece }
+    /// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+    pub fn piece<S: Serializer>(&self, piece: usize, to: S) -> Result<S::Ok, S::Error> {
+        const LAST: usize = History::PIECES - 1;
+        const THESE: usize = INCIDENTS.div_ceil(History::PIECES);
+        let History { incidents, next, unsaved } = self;
+        let these = Each(|| incidents.iter().skip(piece * THESE).take(THESE));
+        match piece {
+            LAST => (these, next, unsaved).serialize(to),
+            _ => these.serialize(to),
+        }
     }
 
     pub const fn new() -> Self {

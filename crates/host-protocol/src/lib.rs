@@ -79,7 +79,7 @@ pub use frame::{
 };
 pub use image::{FirmwareVersion, IMAGE_UNIT, ImageState, MAX_IMAGE_BYTES, SIGNATURE_SIZE};
 pub use incident::{BootReason, Incident};
-pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request};
+pub use messages::{Call, DecodeError, MessageInfo, REQUESTS, Reply, Request, class};
 pub use names::{MAX_NAME, Named, Subject, is_name};
 pub use parameters::{
     AxisParameter, GatewayParameter, ParameterInfo, ParameterText, REPLY_WINDOW_US, ValueKind,

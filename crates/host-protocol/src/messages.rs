@@ -141,8 +141,23 @@ macro_rules! numbered {
 }
 pub(crate) use numbered;
 
+/// What holds for a request, whatever its fields: a bit each. Of a native command only its bytes
+/// tell.
+pub mod class {
+    /// Only who has authority may ask for it, and it takes authority that is free.
+    pub const COMMANDS: u8 = 1;
+    /// Begins what may move a motor, or has something stored that outlives a start: neither goes
+    /// with an image on trial, nor while something is stored.
+    pub const BEGINS: u8 = 2;
+    /// Changes what is stored: it waits while that is under way.
+    pub const CHANGES: u8 = 4;
+    /// Makes things safer: it is executed each time it comes, whether or not its result has a place
+    /// (GUARANTEES G9).
+    pub const STOPS: u8 = 8;
+}
+
 macro_rules! messages {
-    ($($number:literal $name:ident -> $reply:ident)+) => {
+    ($($number:literal $name:ident -> $reply:ident [$($class:ident)*])+) => {
         /// Every request.
         #[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
         #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -168,6 +183,22 @@ macro_rules! messages {
         frames! { Reply $($number $name)+ }
 
         impl Request {
+            /// What holds for the request of a number, as bits of [`class`]; nothing where there is
+            /// none.
+            #[must_use]
+            pub const fn classes(number: u16) -> u8 {
+                match number {
+                    $($number => 0 $(| class::$class)*,)+
+                    _ => 0,
+                }
+            }
+
+            /// Whether it is of one of these [classes](class).
+            #[must_use]
+            pub const fn is(&self, classes: u8) -> bool {
+                Self::classes(self.number()) & classes != 0
+            }
+
             /// The request of a frame with this number and body.
             ///
             /// # Errors
@@ -226,68 +257,68 @@ macro_rules! messages {
 }
 
 messages! {
-    0x0001 Hello -> HelloReply
-    0x0002 Ping -> Pong
-    0x0003 TakeAuthority -> Done
-    0x0004 ReleaseAuthority -> Done
-    0x0005 SetBaud -> Done
+    0x0001 Hello -> HelloReply []
+    0x0002 Ping -> Pong []
+    0x0003 TakeAuthority -> Done [COMMANDS]
+    0x0004 ReleaseAuthority -> Done []
+    0x0005 SetBaud -> Done []
 
-    0x0010 ConfigureGateway -> Done
-    0x0011 ConfigureBus -> Done
-    0x0012 BusStatus -> BusReport
-    0x0013 GatewayStatus -> GatewayReport
-    0x0014 BeginChanges -> Done
-    0x0015 AddChanges -> Done
-    0x0016 ApplyChanges -> Done
-    0x0017 ReadGatewayParameter -> ParameterValue
-    0x0018 SaveConfiguration -> Done
-    0x0019 ForgetStored -> Done
-    0x001A ReadStored -> StoredReport
-    0x001B ReadNames -> NameList
+    0x0010 ConfigureGateway -> Done [COMMANDS CHANGES]
+    0x0011 ConfigureBus -> Done [COMMANDS CHANGES]
+    0x0012 BusStatus -> BusReport []
+    0x0013 GatewayStatus -> GatewayReport []
+    0x0014 BeginChanges -> Done [COMMANDS CHANGES]
+    0x0015 AddChanges -> Done [COMMANDS CHANGES]
+    0x0016 ApplyChanges -> Done [COMMANDS CHANGES]
+    0x0017 ReadGatewayParameter -> ParameterValue []
+    0x0018 SaveConfiguration -> Done [COMMANDS BEGINS]
+    0x0019 ForgetStored -> Done [COMMANDS BEGINS]
+    0x001A ReadStored -> StoredReport []
+    0x001B ReadNames -> NameList []
 
-    0x0020 ConfigureAxis -> Done
-    0x0021 ReadAxisParameter -> ParameterValue
-    0x0022 ListAxes -> AxisList
-    0x0023 RemoveAxis -> Done
-    0x0024 ProvisionMotorTimeout -> MotorTimeoutReport
-    0x0025 ReadAxisSettings -> AxisSettings
+    0x0020 ConfigureAxis -> Done [COMMANDS CHANGES]
+    0x0021 ReadAxisParameter -> ParameterValue []
+    0x0022 ListAxes -> AxisList []
+    0x0023 RemoveAxis -> Done [COMMANDS CHANGES]
+    0x0024 ProvisionMotorTimeout -> MotorTimeoutReport [COMMANDS CHANGES]
+    0x0025 ReadAxisSettings -> AxisSettings []
 
-    0x0030 Arm -> Armed
-    0x0031 Disarm -> Done
-    0x0032 Stop -> Done
-    0x0033 EStop -> Done
-    0x0034 Clear -> Done
-    0x0035 ClearUnreachable -> Done
-    0x0036 OutputOff -> Done
-    0x0037 ClearByRestart -> Done
-    0x0038 ArmTogether -> ArmedTogether
+    0x0030 Arm -> Armed [COMMANDS BEGINS]
+    0x0031 Disarm -> Done [STOPS]
+    0x0032 Stop -> Done [STOPS]
+    0x0033 EStop -> Done [STOPS]
+    0x0034 Clear -> Done [COMMANDS]
+    0x0035 ClearUnreachable -> Done [COMMANDS]
+    0x0036 OutputOff -> Done [COMMANDS]
+    0x0037 ClearByRestart -> Done [COMMANDS]
+    0x0038 ArmTogether -> ArmedTogether [COMMANDS BEGINS]
 
-    0x0040 Setpoint -> Done
-    0x0041 ReadState -> AxisReport
-    0x0042 MoveRelative -> MoveTarget
-    0x0043 Native -> NativeReply
-    0x0044 Subscribe -> Done
-    0x0045 StartTogether -> Done
-    0x0046 Cycle -> CycleReport
-    0x0047 RunCycle -> Done
+    0x0040 Setpoint -> Done [COMMANDS]
+    0x0041 ReadState -> AxisReport []
+    0x0042 MoveRelative -> MoveTarget [COMMANDS]
+    0x0043 Native -> NativeReply []
+    0x0044 Subscribe -> Done []
+    0x0045 StartTogether -> Done [COMMANDS]
+    0x0046 Cycle -> CycleReport [COMMANDS]
+    0x0047 RunCycle -> Done [COMMANDS]
 
-    0x0050 RawOpen -> Done
-    0x0051 RawSend -> Done
-    0x0052 RawReceive -> RawFrames
-    0x0053 RawClose -> Done
+    0x0050 RawOpen -> Done [COMMANDS BEGINS]
+    0x0051 RawSend -> Done [COMMANDS]
+    0x0052 RawReceive -> RawFrames [COMMANDS]
+    0x0053 RawClose -> Done [COMMANDS]
 
-    0x0060 ReadIncidents -> IncidentPage
-    0x0061 ReadCrashReport -> CrashReport
-    0x0062 ReadFlightRecord -> FlightRecordPage
+    0x0060 ReadIncidents -> IncidentPage []
+    0x0061 ReadCrashReport -> CrashReport []
+    0x0062 ReadFlightRecord -> FlightRecordPage []
 
-    0x0072 Recognise -> Recognition
-    0x0073 RawOpenAt -> Done
+    0x0072 Recognise -> Recognition []
+    0x0073 RawOpenAt -> Done [COMMANDS]
 
-    0x0080 ReadImage -> ImageReport
-    0x0081 BeginImage -> Done
-    0x0082 WriteImage -> Done
-    0x0083 FinishImage -> Done
-    0x0084 ConfirmImage -> Done
+    0x0080 ReadImage -> ImageReport []
+    0x0081 BeginImage -> Done [COMMANDS BEGINS]
+    0x0082 WriteImage -> Done [COMMANDS BEGINS]
+    0x0083 FinishImage -> Done [COMMANDS BEGINS]
+    0x0084 ConfirmImage -> Done [COMMANDS CHANGES]
 }
 
 const _: () = assert!(MAX_ERROR_BODY <= MAX_BODY, "error longer than a message");

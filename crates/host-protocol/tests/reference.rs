@@ -8,7 +8,7 @@ use std::fmt::Debug;
 use host_protocol::{
     AxisParameter, ERRORS, EVENTS, FrameError, GatewayParameter, MAX_BODY, MAX_FRAME, MAX_MESSAGE,
     MessageInfo, PROTOCOL_MAJOR, PROTOCOL_MINOR, ParameterInfo, ParameterText, Protocol, REQUESTS,
-    Request, StateField, requests::Ping,
+    Request, StateField, class, requests::Ping,
 };
 use serde::de::DeserializeOwned;
 
@@ -136,6 +136,14 @@ fn assert_fields<'a>(heading: &str, name: usize, printed: impl Iterator<Item = &
 fn requests_are_those_of_the_code() {
     assert_numbers("Requests", REQUESTS);
     assert_fields("Requests", 1, printed("Requests").map(inside));
+}
+
+#[test]
+fn the_requests_that_take_authority_are_those_of_the_code() {
+    let told = rows("Requests").into_iter().filter(|row| row[4] == "takes");
+    let takes = |info: &&MessageInfo| Request::classes(info.number) & class::COMMANDS != 0;
+    let meant = REQUESTS.iter().filter(takes).map(|info| info.name.to_string());
+    assert_eq!(told.map(|row| row[1].clone()).collect::<BTreeSet<_>>(), meant.collect());
 }
 
 #[test]

@@ -40,24 +40,8 @@ pub(crate) enum Is {
 }
 
 impl Is {
-    pub const ALL: [Self; 16] = [
-        Self::Configured,
-        Self::Stopping,
-        Self::FirstStop,
-        Self::Ready,
-        Self::Overdue,
-        Self::Awaiting,
-        Self::OwedOurId,
-        Self::Objecting,
-        Self::Cycling,
-        Self::InPeriod,
-        Self::Active,
-        Self::Moving,
-        Self::Tripped,
-        Self::Unreachable,
-        Self::Spreading,
-        Self::Unsaved,
-    ];
+    /// [`Unsaved`](Self::Unsaved) is the last.
+    pub const COUNT: usize = Self::Unsaved as usize + 1;
 
     const fn bit(self) -> u32 {
         1 << self as u32

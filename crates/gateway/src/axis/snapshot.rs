@@ -8,20 +8,8 @@ impl Axis {
     pub const PIECES: usize = 4;
 
     /// One of them. All, one behind the other, are what its `Deserialize` reads.
-    pub fn piece(&self, piece: usize) -> impl Serialize {
-        Piece { axis: self, piece }
-    }
-}
-
-struct Piece<'a> {
-    axis: &'a Axis,
-    piece: usize,
-}
-
-/// In the order of the fields.
-impl Serialize for Piece<'_> {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let Axis {
+    pub fn piece<S: Serializer>(&self, piece: usize, to: S) -> Result<S::Ok, S::Error> {
+        let Self {
             index,
             config,
             state,
@@ -46,9 +34,10 @@ impl Serialize for Piece<'_> {
             evidence,
             is_unsaved,
             telemetry,
-        } = self.axis;
-        match self.piece {
-            0 => (index, config).serialize(to),
+        } = self;
+        match piece {
+            // It is used.
+            0 => to.serialize_some(&(index, config)),
             1 => (state, cycling, part, job).serialize(to),
             2 => {
                 let unread = (faults_unread, run_time_unread);

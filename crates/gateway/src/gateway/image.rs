@@ -3,12 +3,11 @@
 
 use super::Gateway;
 use super::requests::Result;
-use super::stored::begins_or_stores;
 use crate::outbox::Ticket;
 use crate::port::{FoundImage, ImageJob, Images, Save, SaveError};
 use crate::time::{Duration, Instant};
 use host_protocol::{
-    Error, IMAGE_UNIT, ImageState, MAX_IMAGE_BYTES, Reply, Request, replies, requests,
+    Error, IMAGE_UNIT, ImageState, MAX_IMAGE_BYTES, Reply, Request, class, replies, requests,
 };
 use serde::{Deserialize, Serialize};
 
@@ -62,7 +61,7 @@ impl Gateway {
 
     /// What waits for the image that runs to be confirmed, or for the start of the next one.
     pub(crate) fn refuse_for_image(&self, request: &Request) -> Result<()> {
-        let waits = begins_or_stores(request);
+        let waits = request.is(class::BEGINS);
         match &*self.image {
             Image { restarts: Some(_), .. } if waits => Err(Error::Restarting {}),
             Image { trial_ends: Some(_), .. } if waits => Err(Error::ImageOnTrial {}),

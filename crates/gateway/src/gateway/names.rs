@@ -24,28 +24,20 @@ pub(crate) struct Names {
     of: Vec<NameWords, STORED_ROWS>,
 }
 
-/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
-struct Piece<'a> {
-    names: &'a Names,
-    piece: usize,
-}
-
-impl Serialize for Piece<'_> {
-    fn serialize<S: Serializer>(&self, to: S) -> core::result::Result<S::Ok, S::Error> {
-        const THESE: usize = STORED_ROWS.div_ceil(Names::PIECES);
-        let Names { of } = self.names;
-        let these = Each(|| of.iter().skip(self.piece * THESE).take(THESE));
-        if self.piece == 0 { (of.len(), these).serialize(to) } else { these.serialize(to) }
-    }
-}
-
 impl Names {
     /// Into how many pieces a snapshot divides them.
     pub const PIECES: usize = 4;
 
-    /// One of them.
-    pub fn piece(&self, piece: usize) -> impl Serialize {
-        Piece { names: self, piece }
+    /// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+    pub fn piece<S: Serializer>(
+        &self,
+        piece: usize,
+        to: S,
+    ) -> core::result::Result<S::Ok, S::Error> {
+        const THESE: usize = STORED_ROWS.div_ceil(Names::PIECES);
+        let Names { of } = self;
+        let these = Each(|| of.iter().skip(piece * THESE).take(THESE));
+        if piece == 0 { (of.len(), these).serialize(to) } else { these.serialize(to) }
     }
 
     pub const fn new() -> Self {

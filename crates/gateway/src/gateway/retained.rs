@@ -30,7 +30,7 @@ use crate::port::Store;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
 use crate::{MAX_AXES, MAX_BUSES};
-use host_protocol::{BusConfig, Incident, ProtocolSet, Subject, TripReason, requests};
+use host_protocol::{BusConfig, Change, Incident, ProtocolSet, Subject, TripReason};
 use layout::{Place, SLOTS, WRITING_AT};
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
@@ -345,15 +345,8 @@ impl Gateway {
                 }
                 continue;
             }
-            let request = requests::ConfigureBus {
-                bus,
-                bitrate: config.bitrate,
-                protocols: config.protocols,
-                exclusive: config.exclusive,
-                reply_window_us: config.reply_window_us,
-            };
             // One that this firmware refuses is left unconfigured, and its axes with it.
-            let _ = self.configure_bus(now, &request);
+            let _ = self.change(now, &Change::Bus { bus, config: Some(config) });
             self.restore_name(Subject::Bus(bus), name);
         }
     }

@@ -107,45 +107,37 @@ impl<'a> Part<'a> {
 /// In the order of the fields of [`Gateway`], as its `Deserialize` reads them.
 impl Serialize for Part<'_> {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        const AXES: usize = Part::AXES;
         const AXES_END: usize = Part::BUSES - 1;
-        const BUSES: usize = Part::BUSES;
-        const RING: usize = Part::RING;
         const LINKS_HEAD: usize = Part::LINKS - 1;
-        const LINKS: usize = Part::LINKS;
-        const HISTORY: usize = Part::HISTORY;
-        const DRAFT: usize = Part::DRAFT;
-        const STORED: usize = Part::STORED;
-        const NAMES: usize = Part::NAMES;
-        const REST: usize = Part::REST;
         let Gateway { axes, buses, links, history, draft, stored, image, names, .. } = self.gateway;
         match self.index {
             0 => axes.head().serialize(to),
-            index @ AXES..AXES_END => {
-                let piece = (index - AXES) % Axis::PIECES;
-                match axes.used((index - AXES) / Axis::PIECES) {
-                    Some(axis) if piece == 0 => to.serialize_some(&axis.piece(piece)),
-                    Some(axis) => axis.piece(piece).serialize(to),
+            index @ Part::AXES..AXES_END => {
+                let piece = (index - Part::AXES) % Axis::PIECES;
+                match axes.used((index - Part::AXES) / Axis::PIECES) {
+                    Some(axis) => axis.piece(piece, to),
                     None if piece == 0 => to.serialize_none(),
                     None => to.serialize_unit(),
                 }
             }
             AXES_END => buses.len().serialize(to),
-            index @ BUSES..RING => match buses.get(index - BUSES) {
+            index @ Part::BUSES..Part::RING => match buses.get(index - Part::BUSES) {
                 Some(bus) => bus.serialize(to),
                 None => to.serialize_unit(),
             },
-            index @ RING..LINKS_HEAD => links.ring_piece(index - RING).serialize(to),
+            index @ Part::RING..LINKS_HEAD => links.ring_piece(index - Part::RING, to),
             LINKS_HEAD => links.head().serialize(to),
-            index @ LINKS..HISTORY => match links.get((index - LINKS) / Link::PIECES) {
-                Some(link) => link.piece((index - LINKS) % Link::PIECES).serialize(to),
-                None => to.serialize_unit(),
-            },
-            index @ HISTORY..DRAFT => history.piece(index - HISTORY).serialize(to),
-            index @ DRAFT..STORED => draft.piece(index - DRAFT).serialize(to),
-            STORED => stored.serialize(to),
+            index @ Part::LINKS..Part::HISTORY => {
+                match links.get((index - Part::LINKS) / Link::PIECES) {
+                    Some(link) => link.piece((index - Part::LINKS) % Link::PIECES, to),
+                    None => to.serialize_unit(),
+                }
+            }
+            index @ Part::HISTORY..Part::DRAFT => history.piece(index - Part::HISTORY, to),
+            index @ Part::DRAFT..Part::STORED => draft.piece(index - Part::DRAFT, to),
+            Part::STORED => stored.serialize(to),
             Part::IMAGE => image.serialize(to),
-            index @ NAMES..REST => names.piece(index - NAMES).serialize(to),
+            index @ Part::NAMES..Part::REST => names.piece(index - Part::NAMES, to),
             _ => self.gateway.rest().serialize(to),
         }
     }

@@ -14,7 +14,7 @@ use crate::{MAX_AXES, MAX_BUSES};
 use core::ops::Range;
 use host_protocol::{
     AxisParameter, CHECKSUM, Change, Error, GatewayParameter, MAX_NAME, Reply, Request,
-    StoredState, Subject, replies,
+    StoredState, Subject, class, replies,
 };
 use serde::{Deserialize, Serialize};
 
@@ -258,19 +258,7 @@ impl Gateway {
     /// While something is stored the configuration stays as it is, and nothing begins to move: the
     /// flash may hold the processor up.
     pub(crate) fn refuse_while_saving(&self, request: &Request) -> Result<()> {
-        let waits = begins_or_stores(request)
-            || matches!(
-                request,
-                Request::ConfigureGateway(_)
-                    | Request::ConfigureBus(_)
-                    | Request::BeginChanges(_)
-                    | Request::AddChanges(_)
-                    | Request::ApplyChanges(_)
-                    | Request::ConfigureAxis(_)
-                    | Request::RemoveAxis(_)
-                    | Request::ProvisionMotorTimeout(_)
-                    | Request::ConfirmImage(_)
-            );
+        let waits = request.is(class::BEGINS | class::CHANGES);
         if waits && self.stored.is_saving() { Err(Error::Saving {}) } else { Ok(()) }
     }
 
@@ -320,20 +308,4 @@ impl Gateway {
         };
         replies::StoredReport { state, saving: self.stored.is_saving() }
     }
-}
-
-/// Whether a request begins what may move a motor, or has something stored that outlives a start:
-/// neither goes with an image on trial.
-pub(super) fn begins_or_stores(request: &Request) -> bool {
-    matches!(
-        request,
-        Request::Arm(_)
-            | Request::ArmTogether(_)
-            | Request::RawOpen(_)
-            | Request::SaveConfiguration(_)
-            | Request::ForgetStored(_)
-            | Request::BeginImage(_)
-            | Request::WriteImage(_)
-            | Request::FinishImage(_)
-    )
 }

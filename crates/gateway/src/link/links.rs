@@ -10,7 +10,7 @@ use core::mem::take;
 use core::ops::Deref;
 use heapless::Vec;
 use host_protocol::{Error, Event, MAX_FRAME, Reply, Request};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// The host links, and the log, which hears what they all hear.
 ///
@@ -105,8 +105,8 @@ impl Links {
     pub const RING_PIECES: usize = Ring::PIECES;
 
     /// One of them.
-    pub fn ring_piece(&self, piece: usize) -> impl Serialize {
-        self.ring.piece(piece)
+    pub fn ring_piece<S: Serializer>(&self, piece: usize, to: S) -> Result<S::Ok, S::Error> {
+        self.ring.piece(piece, to)
     }
 
     /// Whether that may have changed since it was copied.

@@ -23,7 +23,7 @@ use baud::Baud;
 use events::Events;
 use host_protocol::{
     CycleEvent, Deframer, Error, Event, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request,
-    StateFields, requests::Hello, requests::Subscribe,
+    StateFields, class, requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
 use serde::Deserialize;
@@ -144,6 +144,7 @@ impl Link {
         }
         let unanswered =
             |executes: fn(&Request) -> bool| request.as_ref().is_ok_and(executes).then_some(None);
+        let stops_each_time = |request: &Request| request.is(class::STOPS);
         match self.replies.reserve(identity) {
             Reserved::Slot(slot) => Some(Some(slot)),
             Reserved::Repeated => unanswered(stops_each_time),
@@ -275,16 +276,10 @@ impl Link {
     }
 }
 
-/// Requests that are executed each time they come, as repetitions too: their result is repeated as
-/// well (GUARANTEES G9).
-pub(crate) fn stops_each_time(request: &Request) -> bool {
-    matches!(request, Request::Stop(_) | Request::EStop(_) | Request::Disarm(_))
-}
-
 /// Requests that make things safer: executed whether or not their result has a place. Whether a
 /// native command is one of them only its bytes tell, which the link does not know.
 fn stops(request: &Request) -> bool {
-    stops_each_time(request) || matches!(request, Request::Native(_))
+    request.is(class::STOPS) || matches!(request, Request::Native(_))
 }
 
 fn speaks_our_version(hello: &Hello) -> bool {

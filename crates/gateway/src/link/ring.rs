@@ -39,34 +39,21 @@ pub(crate) struct Ring {
     latest_event: u32,
 }
 
-/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
-struct Piece<'a> {
-    ring: &'a Ring,
-    piece: usize,
-}
-
-/// In the order of the fields.
-impl Serialize for Piece<'_> {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        const LAST: usize = Ring::PIECES - 1;
-        const ENTRIES: usize = RING.div_ceil(Ring::PIECES);
-        let Ring { entries, end, latest_event } = self.ring;
-        let these = Each(|| entries.iter().skip(self.piece * ENTRIES).take(ENTRIES));
-        match self.piece {
-            0 => (entries.len(), these).serialize(to),
-            LAST => (these, end, latest_event).serialize(to),
-            _ => these.serialize(to),
-        }
-    }
-}
-
 impl Ring {
     /// Into how many pieces a snapshot divides it.
     pub const PIECES: usize = 4;
 
-    /// One of them.
-    pub fn piece(&self, piece: usize) -> impl Serialize {
-        Piece { ring: self, piece }
+    /// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+    pub fn piece<S: Serializer>(&self, piece: usize, to: S) -> Result<S::Ok, S::Error> {
+        const LAST: usize = Ring::PIECES - 1;
+        const ENTRIES: usize = RING.div_ceil(Ring::PIECES);
+        let Ring { entries, end, latest_event } = self;
+        let these = Each(|| entries.iter().skip(piece * ENTRIES).take(ENTRIES));
+        match piece {
+            0 => (entries.len(), these).serialize(to),
+            LAST => (these, end, latest_event).serialize(to),
+            _ => these.serialize(to),
+        }
     }
 
     pub const fn new() -> Self {

@@ -56,7 +56,7 @@ impl Gateway {
         self.apply_changes(now)
     }
 
-    fn change(&mut self, now: Instant, change: &Change) -> Result<()> {
+    pub(crate) fn change(&mut self, now: Instant, change: &Change) -> Result<()> {
         self.draft.open();
         self.add_changes(core::slice::from_ref(change))?;
         self.apply_changes(now)

@@ -77,31 +77,18 @@ impl Entry {
     }
 }
 
-/// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
-struct Piece<'a> {
-    draft: &'a Draft,
-    piece: usize,
-}
-
-/// In the order of the fields.
-impl Serialize for Piece<'_> {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        const THESE: usize = (MOST as usize).div_ceil(Draft::PIECES - 1);
-        let Draft { is_open, silence, buses, parameters } = self.draft;
-        let Some(behind) = self.piece.checked_sub(1) else {
-            return (is_open, silence, buses, parameters.len()).serialize(to);
-        };
-        Each(|| parameters.iter().skip(behind * THESE).take(THESE)).serialize(to)
-    }
-}
-
 impl Draft {
     /// Into how many pieces a snapshot divides it.
     pub const PIECES: usize = 9;
 
-    /// One of them.
-    pub fn piece(&self, piece: usize) -> impl Serialize {
-        Piece { draft: self, piece }
+    /// A piece of it in a snapshot. All, one behind the other, are what its `Deserialize` reads.
+    pub fn piece<S: Serializer>(&self, piece: usize, to: S) -> Result<S::Ok, S::Error> {
+        const THESE: usize = (MOST as usize).div_ceil(Draft::PIECES - 1);
+        let Draft { is_open, silence, buses, parameters } = self;
+        let Some(behind) = piece.checked_sub(1) else {
+            return (is_open, silence, buses, parameters.len()).serialize(to);
+        };
+        Each(|| parameters.iter().skip(behind * THESE).take(THESE)).serialize(to)
     }
 
     pub const fn new() -> Self {

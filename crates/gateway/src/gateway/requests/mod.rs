@@ -29,7 +29,7 @@ use crate::tracked::Tracked;
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, ClearTarget, Error, Event,
     MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StopTarget, Text, TripReason, Vec,
-    replies, requests,
+    class, replies, requests,
 };
 
 pub(crate) type Result<T, E = Error> = core::result::Result<T, E>;
@@ -53,64 +53,57 @@ impl Gateway {
     /// of its own.
     fn is_stop(&self, request: &Request) -> bool {
         match request {
-            Request::Stop(_) | Request::EStop(_) | Request::Disarm(_) => true,
             Request::Native(native) => self.is_native_stop(native),
-            _ => false,
+            _ => request.is(class::STOPS),
         }
     }
 
     /// Executes a request and answers it, or has a job do so; not if it fails.
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
         cycle::check_body(request)?;
-        let needs_authority = needs_authority(request);
-        if needs_authority {
+        let commands = request.is(class::COMMANDS);
+        if commands {
             self.authority.check(ticket)?;
         }
         // What is refused whoever asks takes no authority.
         self.refuse_for_image(request)?;
         self.refuse_while_saving(request)?;
-        if needs_authority {
+        if commands {
             self.authority.take(now, ticket)?;
         }
-        let done = replies::Done {};
+        macro_rules! done {
+            ($reply:ident, $done:expr) => {{
+                $done;
+                Reply::$reply(replies::Done {})
+            }};
+        }
         let reply = match request {
             Request::Hello(hello) => Reply::Hello(self.hello(now, ticket, hello)?),
             Request::Ping(_) => Reply::Ping(replies::Pong { time_us: now.as_micros() }),
-            Request::TakeAuthority(_) => Reply::TakeAuthority(done),
+            Request::TakeAuthority(_) => Reply::TakeAuthority(replies::Done {}),
             Request::ReleaseAuthority(_) => {
                 if self.authority.is_held_by(ticket.link) && !ticket.watches {
                     self.release_authority(now);
                 }
-                Reply::ReleaseAuthority(done)
+                Reply::ReleaseAuthority(replies::Done {})
             }
-            Request::SetBaud(request) => {
+            Request::SetBaud(request) => done!(
+                SetBaud,
                 self.links
                     .get_mut(ticket.link)
-                    .map_or(Ok(()), |link| link.set_baud(request.baud))?;
-                Reply::SetBaud(done)
-            }
+                    .map_or(Ok(()), |link| link.set_baud(request.baud))?
+            ),
             Request::ConfigureGateway(request) => {
-                self.configure_gateway(now, request)?;
-                Reply::ConfigureGateway(done)
+                done!(ConfigureGateway, self.configure_gateway(now, request)?)
             }
             Request::ConfigureBus(request) => {
-                self.configure_bus(now, request)?;
-                Reply::ConfigureBus(done)
+                done!(ConfigureBus, self.configure_bus(now, request)?)
             }
             Request::BusStatus(request) => Reply::BusStatus(self.bus(request.bus)?.report()),
             Request::GatewayStatus(_) => Reply::GatewayStatus(self.status(now)),
-            Request::BeginChanges(_) => {
-                self.draft.open();
-                Reply::BeginChanges(done)
-            }
-            Request::AddChanges(request) => {
-                self.add_changes(&request.changes)?;
-                Reply::AddChanges(done)
-            }
-            Request::ApplyChanges(_) => {
-                self.apply_changes(now)?;
-                Reply::ApplyChanges(done)
-            }
+            Request::BeginChanges(_) => done!(BeginChanges, self.draft.open()),
+            Request::AddChanges(request) => done!(AddChanges, self.add_changes(&request.changes)?),
+            Request::ApplyChanges(_) => done!(ApplyChanges, self.apply_changes(now)?),
             Request::SaveConfiguration(_) => return self.save_configuration(true, ticket),
             Request::ForgetStored(_) => return self.save_configuration(false, ticket),
             Request::ReadStored(_) => Reply::ReadStored(self.stored_report()),
@@ -124,8 +117,7 @@ impl Gateway {
                 Reply::ReadAxisSettings(axis.settings(now, request.first))
             }
             Request::ConfigureAxis(request) => {
-                self.configure_axis(now, request)?;
-                Reply::ConfigureAxis(done)
+                done!(ConfigureAxis, self.configure_axis(now, request)?)
             }
             Request::ReadAxisParameter(request) => {
                 let parameter = request.parameter;
@@ -135,46 +127,30 @@ impl Gateway {
                 Reply::ReadAxisParameter(replies::ParameterValue { value })
             }
             Request::ListAxes(request) => Reply::ListAxes(self.list_axes(request.first)),
-            Request::RemoveAxis(request) => {
-                self.remove_axis(now, request.axis)?;
-                Reply::RemoveAxis(done)
-            }
+            Request::RemoveAxis(request) => done!(RemoveAxis, self.remove_axis(now, request.axis)?),
             Request::ProvisionMotorTimeout(request) => return self.provision(now, request, ticket),
             Request::Arm(request) => return self.arm(now, request.axis, ticket),
             Request::ArmTogether(request) => return self.arm_together(now, request.axes, ticket),
             Request::Disarm(request) => {
-                self.with_axis(now, request.axis, |axis, out| axis.disarm(now, out))?;
-                Reply::Disarm(done)
+                done!(Disarm, self.with_axis(now, request.axis, |axis, out| axis.disarm(now, out))?)
             }
-            Request::Stop(request) => {
-                self.stop(now, request.target)?;
-                Reply::Stop(done)
-            }
-            Request::EStop(_) => {
-                self.e_stop(now);
-                Reply::EStop(done)
-            }
+            Request::Stop(request) => done!(Stop, self.stop(now, request.target)?),
+            Request::EStop(_) => done!(EStop, self.e_stop(now)),
             Request::Clear(request) => match request.target {
                 ClearTarget::Axis(axis) => return self.clear(now, axis, ticket),
-                ClearTarget::Gateway => {
-                    self.clear_gateway(now)?;
-                    Reply::Clear(done)
-                }
+                ClearTarget::Gateway => done!(Clear, self.clear_gateway(now)?),
             },
             Request::ClearUnreachable(request) => {
                 // It may have become unreachable just now.
                 self.remember_trips();
                 self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(out))??;
-                Reply::ClearUnreachable(done)
+                Reply::ClearUnreachable(replies::Done {})
             }
             Request::OutputOff(request) => return self.output_off(now, request.axis, ticket),
             Request::ClearByRestart(request) => {
                 return self.clear_by_restart(now, request.axis, ticket);
             }
-            Request::Setpoint(request) => {
-                self.setpoint(now, request)?;
-                Reply::Setpoint(done)
-            }
+            Request::Setpoint(request) => done!(Setpoint, self.setpoint(now, request)?),
             Request::ReadState(request) => return self.read_state(now, request.axis, ticket),
             Request::Recognise(request) => return self.recognise(now, request.axis, ticket),
             Request::MoveRelative(request) => return self.move_relative(now, request, ticket),
@@ -182,46 +158,30 @@ impl Gateway {
             Request::StartTogether(request) => return self.start_together(now, request, ticket),
             Request::Cycle(request) => return self.cycle(now, request, ticket),
             Request::RunCycle(request) => {
-                self.run_cycle(now, request, ticket.link)?;
-                Reply::RunCycle(done)
+                done!(RunCycle, self.run_cycle(now, request, ticket.link)?)
             }
             Request::Subscribe(request) => {
                 if let Some(link) = self.links.get_mut(ticket.link) {
                     link.subscribe(now.as_micros(), request)?;
                     self.watch();
                 }
-                Reply::Subscribe(done)
+                Reply::Subscribe(replies::Done {})
             }
-            Request::RawOpen(request) => {
-                self.raw_open(now, *request)?;
-                Reply::RawOpen(done)
-            }
-            Request::RawOpenAt(request) => {
-                self.raw_open_at(now, *request)?;
-                Reply::RawOpenAt(done)
-            }
-            Request::RawSend(request) => {
-                self.raw_send(request)?;
-                Reply::RawSend(done)
-            }
+            Request::RawOpen(request) => done!(RawOpen, self.raw_open(now, *request)?),
+            Request::RawOpenAt(request) => done!(RawOpenAt, self.raw_open_at(now, *request)?),
+            Request::RawSend(request) => done!(RawSend, self.raw_send(request)?),
             Request::RawReceive(request) => {
                 let bus = request.bus;
                 let raw = self.bus_mut(bus)?.raw.as_mut().ok_or(Error::RawNotOpen { bus })?;
                 Reply::RawReceive(raw.read())
             }
-            Request::RawClose(request) => {
-                self.raw_close(now, request.bus)?;
-                Reply::RawClose(done)
-            }
+            Request::RawClose(request) => done!(RawClose, self.raw_close(now, request.bus)?),
             Request::ReadIncidents(request) => {
                 self.remember_trips();
                 Reply::ReadIncidents(self.history.page(request.first))
             }
             Request::ReadImage(_) => Reply::ReadImage(self.image_report(now)),
-            Request::BeginImage(request) => {
-                self.begin_image(request)?;
-                Reply::BeginImage(done)
-            }
+            Request::BeginImage(request) => done!(BeginImage, self.begin_image(request)?),
             Request::WriteImage(request) => return self.write_image(request, ticket),
             Request::FinishImage(request) => return self.finish_image(request, ticket),
             Request::ConfirmImage(_) => return self.confirm_image(ticket),
@@ -513,23 +473,22 @@ impl Gateway {
 
     /// Authority released: what is armed is stopped and disarmed.
     fn release_authority(&mut self, now: Instant) {
-        self.authority.release();
-        self.draft.close();
-        self.stop_running();
-        self.close_all_raw(now);
-        self.stop_many(now, self.axes.which(Is::Configured), Why::Released);
-        self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Released });
+        self.end_authority(now, Why::Released, AuthorityLossReason::Released);
     }
 
     /// Authority lost by silence: what moves trips, what is armed is disarmed.
     pub(crate) fn lose_authority(&mut self, now: Instant) {
+        self.end_authority(now, Why::HostSilent, AuthorityLossReason::Silence);
+        self.link_lost = true;
+    }
+
+    fn end_authority(&mut self, now: Instant, why: Why, reason: AuthorityLossReason) {
         self.authority.release();
         self.draft.close();
         self.stop_running();
         self.close_all_raw(now);
-        self.stop_many(now, self.axes.which(Is::Configured), Why::HostSilent);
-        self.link_lost = true;
-        self.outbox(now).event(&Event::AuthorityLost { reason: AuthorityLossReason::Silence });
+        self.stop_many(now, self.axes.which(Is::Configured), why);
+        self.outbox(now).event(&Event::AuthorityLost { reason });
     }
 }
 
@@ -546,67 +505,6 @@ fn running_bus<'a>(buses: &'a [Tracked<Bus>], axis: &Axis) -> Result<Option<&'a 
     let Some(index) = axis.config.bus() else { return Ok(None) };
     let bus = buses.get(usize::from(index)).ok_or_else(|| unknown_bus(buses, index))?;
     bus.config().map(|_| Some(&**bus)).ok_or(Error::BusNotConfigured { bus: index })
-}
-
-/// Requests that only the holder of authority may make.
-fn needs_authority(request: &Request) -> bool {
-    match request {
-        Request::TakeAuthority(_)
-        | Request::ConfigureGateway(_)
-        | Request::ConfigureBus(_)
-        | Request::BeginChanges(_)
-        | Request::AddChanges(_)
-        | Request::ApplyChanges(_)
-        | Request::SaveConfiguration(_)
-        | Request::ForgetStored(_)
-        | Request::ConfigureAxis(_)
-        | Request::RemoveAxis(_)
-        | Request::ProvisionMotorTimeout(_)
-        | Request::Arm(_)
-        | Request::ArmTogether(_)
-        | Request::Clear(_)
-        | Request::ClearUnreachable(_)
-        | Request::OutputOff(_)
-        | Request::ClearByRestart(_)
-        | Request::Setpoint(_)
-        | Request::MoveRelative(_)
-        | Request::StartTogether(_)
-        | Request::Cycle(_)
-        | Request::RunCycle(_)
-        | Request::RawOpen(_)
-        | Request::RawOpenAt(_)
-        | Request::RawSend(_)
-        | Request::RawReceive(_)
-        | Request::RawClose(_)
-        | Request::BeginImage(_)
-        | Request::WriteImage(_)
-        | Request::FinishImage(_)
-        | Request::ConfirmImage(_) => true,
-        Request::Hello(_)
-        | Request::Ping(_)
-        | Request::ReleaseAuthority(_)
-        | Request::SetBaud(_)
-        | Request::BusStatus(_)
-        | Request::GatewayStatus(_)
-        | Request::ReadStored(_)
-        | Request::ReadNames(_)
-        | Request::ReadImage(_)
-        | Request::ReadGatewayParameter(_)
-        | Request::ReadAxisParameter(_)
-        | Request::ReadAxisSettings(_)
-        | Request::ListAxes(_)
-        | Request::Disarm(_)
-        | Request::Stop(_)
-        | Request::EStop(_)
-        | Request::ReadState(_)
-        | Request::Recognise(_)
-        | Request::Subscribe(_)
-        | Request::ReadIncidents(_)
-        | Request::ReadCrashReport(_)
-        | Request::ReadFlightRecord(_)
-        // Depends on what its bytes do.
-        | Request::Native(_) => false,
-    }
 }
 
 /// A board's text, cut to what the wire holds.
