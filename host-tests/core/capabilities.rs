@@ -9,8 +9,8 @@ use host_protocol::{
     Value, requests,
 };
 
-const REFERENCE: &str = include_str!("../../../../PROTOCOL.md");
-const README: &str = include_str!("../../../../README.md");
+const REFERENCE: &str = include_str!("../../PROTOCOL.md");
+const README: &str = include_str!("../../README.md");
 
 /// The cell of a row of the table, `column` counted from the first protocol.
 fn cell(row: &str, column: usize) -> &'static str {
