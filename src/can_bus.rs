@@ -47,6 +47,9 @@ impl CanBus {
             return false;
         }
         let Some(controller) = &mut self.controller else { return false };
+        if !core.may_want(self.bus) {
+            return false;
+        }
         let mut has_polled = false;
         while !controller.is_empty()
             && let Some(slot) = core.poll_cancel(now, self.bus)

@@ -356,7 +356,7 @@ impl Sender {
 
     /// Of so many bits, rounded up.
     fn duration(&self, bits: u64) -> Duration {
-        Duration::from_micros((bits * 1_000_000).div_ceil(u64::from(self.bits_per_second.max(1))))
+        Duration::from_micros(gateway::bits_at(bits, self.bits_per_second).as_micros())
     }
 
     /// Waits until no byte is just arriving: what has come whole decides what may go. Not for ever,

@@ -9,8 +9,8 @@ use crate::shared_gateway::SharedGateway;
 use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
-/// Bytes given to the core at once.
-const CHUNK: usize = 32;
+/// Bytes given to the core at once: the requests of a control loop come in one piece.
+const CHUNK: usize = 128;
 
 /// Line errors without a byte after which a ring counts as stuck.
 const SILENT_ERRORS: u32 = 16;
@@ -22,10 +22,9 @@ const DELIMITER: u8 = 0;
 pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiver) -> ! {
     let watch = Watch::new(TaskId::link_receiver(link));
     let budget = TaskBudget::new(Urgency::Demand).await;
-    let mut chunk = [0; CHUNK];
+    let mut pieces = Pieces::new();
     let (mut errors, mut overflows) = (LineErrors::default(), LineErrors::default());
     let (mut heard, mut silent_errors) = (0, 0);
-    let mut is_between_frames = false;
     loop {
         let new_errors = line.events.take_errors();
         if let Some(so_far) = errors.add(new_errors) {
@@ -42,13 +41,10 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
             silent_errors = 0;
             line.events.ask_for_restart();
         }
-        match budget.wait(watch.wait(line.read(&mut chunk))).await {
-            Some(Ok(0)) | None => {}
+        match budget.wait(watch.wait(line.read(pieces.room()))).await {
+            None => {}
             Some(Ok(length)) => {
-                let bytes = chunk.get(..length).unwrap_or_default();
-                // Every frame begins with a delimiter too: alone it says nothing.
-                if !is_between_frames || bytes.iter().any(|byte| *byte != DELIMITER) {
-                    is_between_frames = bytes.last() == Some(&DELIMITER);
+                if let Some(bytes) = pieces.add(length) {
                     gateway.handle(Event::HostBytes { link, bytes });
                 }
             }
@@ -57,10 +53,55 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
                     defmt::warn!("host link {=u8}: {=u32} overflows so far", link, so_far);
                 }
                 // What follows is the rest of some frame: this ends what had come of one.
-                gateway.handle(Event::HostBytes { link, bytes: &[DELIMITER] });
-                is_between_frames = true;
+                if let Some(bytes) = pieces.end() {
+                    gateway.handle(Event::HostBytes { link, bytes });
+                }
             }
         }
+    }
+}
+
+/// Bytes of a line until they end something: to give the core what it can only keep costs it as
+/// much as a frame.
+struct Pieces {
+    chunk: [u8; CHUNK],
+    /// How many have come.
+    held: usize,
+    /// What was given last has ended a frame: a delimiter behind it begins one, and says nothing.
+    is_between_frames: bool,
+}
+
+impl Pieces {
+    /// Of a line on which no frame has begun.
+    fn new() -> Self {
+        Self { chunk: [0; CHUNK], held: 0, is_between_frames: true }
+    }
+
+    /// Where the next bytes go; never empty.
+    fn room(&mut self) -> &mut [u8] {
+        self.chunk.get_mut(self.held..).unwrap_or_default()
+    }
+
+    /// What has come of a frame is all of it.
+    fn end(&mut self) -> Option<&[u8]> {
+        *self.room().first_mut()? = DELIMITER;
+        self.add(1)
+    }
+
+    /// So many have come. Gives all that have, where they end something or fill the room.
+    fn add(&mut self, length: usize) -> Option<&[u8]> {
+        self.held += length;
+        let bytes = self.chunk.get(..self.held)?;
+        let is_opening = |byte: &&u8| self.is_between_frames && **byte == DELIMITER;
+        let opening = bytes.iter().take_while(is_opening).count();
+        let said = bytes.get(opening..)?;
+        let is_whole = said.last() == Some(&DELIMITER);
+        if !is_whole && !said.contains(&DELIMITER) && self.held < CHUNK {
+            return None;
+        }
+        self.is_between_frames = bytes.last() == Some(&DELIMITER);
+        self.held = 0;
+        Some(bytes)
     }
 }
 

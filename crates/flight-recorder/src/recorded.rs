@@ -112,6 +112,10 @@ impl<S: Shelf> Recorded<S> {
 
     /// [`Gateway::save_some`].
     pub fn save_some(&mut self, store: Store<'_>) -> bool {
+        // Mostly nothing is left to store, and that is no change.
+        if !self.core.has_more_to_save() {
+            return true;
+        }
         self.note(self.now, Call::SaveSome);
         self.core.save_some(store)
     }

@@ -298,7 +298,7 @@ impl Gateway {
     /// what polls a bus asks afterwards.
     pub fn take_changes(&mut self) -> Changes {
         let (links, log) = self.links.take_changed();
-        let history = !self.retention.is_complete();
+        let history = self.has_more_to_save();
         let save = self.stored.is_due();
         let flight_read = self.has_flight_read();
         let restart = self.image.restarts(self.now) && !self.stored.is_saving();
@@ -316,6 +316,15 @@ impl Gateway {
                 self.history.push(Incident::Tripped { start: self.starts, axis, trip });
             }
         }
+    }
+
+    /// Whether a bus that has just changed may have a frame to send or to cancel: where not, it need
+    /// not be polled.
+    pub fn may_want(&self, bus: u8) -> bool {
+        let is_idle = |bus: &Tracked<Bus>| bus.nothing_in_flight() && bus.raw.is_none();
+        !self.unstopped.is_empty()
+            || !self.axes.which_on(Is::Ready, bus).is_empty()
+            || !self.buses.get(usize::from(bus)).is_none_or(is_idle)
     }
 
     /// The next frame for a bus, if the bus may send one now.

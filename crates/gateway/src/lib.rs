@@ -27,7 +27,7 @@ pub mod time;
 mod tracked;
 mod transaction;
 
-pub use bus::{Assumptions, AxisPlan, BusPlan};
+pub use bus::{Assumptions, AxisPlan, BusPlan, bits_at};
 pub use bus_rules::check_bus_config;
 pub use gateway::{
     Gateway, MAX_SNAPSHOT, MAX_STORED_ROW, NextRow, Part, RETAINED_WORDS, ResumeError, STORED_ROWS,

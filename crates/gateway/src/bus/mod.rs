@@ -170,11 +170,6 @@ impl Bus {
         self.generation = other.generation;
     }
 
-    /// Whether its port holds no frame.
-    pub fn has_nothing_out(&self) -> bool {
-        self.in_flight.iter().all(Option::is_none)
-    }
-
     /// When the bus must be looked at again; [`Instant::NEVER`] where nothing comes.
     pub fn due(&self) -> Instant {
         self.due.at
@@ -494,8 +489,8 @@ impl Bus {
     }
 }
 
-/// Time of `bits` bits at a bitrate, rounded up to the microsecond.
-fn bits_at(bits: u64, bitrate: u32) -> Duration {
+/// Time of `bits` bits at a bitrate, rounded up to the microsecond. No bitrate counts as 1 bit/s.
+pub fn bits_at(bits: u64, bitrate: u32) -> Duration {
     let (bit_us, bitrate) = (bits * 1_000_000, bitrate.max(1));
     // What is asked for at every frame fits into the 32 bits that the processor divides by itself.
     let us = match u32::try_from(bit_us) {

@@ -58,6 +58,9 @@ impl Bus {
             && self.may_be_answered(axes)
             && !self.lets_replies_pass(now, axes)
             && self.objections_are_over_at(axes).is_none_or(|at| at <= now);
+        if stops == Stops::None {
+            return if may_ordinary { self.choose_ordinary(now, axes, ready) } else { None };
+        }
         if !may_ordinary && !self.may_send_any_stop(now, stops, axes) {
             return None;
         }
@@ -115,14 +118,32 @@ impl Bus {
         best.map(|(index, want, _)| (index, want))
     }
 
+    /// Where there is no stop: one after the other, what somebody only watches last.
+    fn choose_ordinary(&self, now: Instant, axes: &Axes, ready: Set) -> Option<(usize, Request)> {
+        let wants = |index: usize| {
+            let axis = axes.get(index)?;
+            let want = axis.next_request(now)?;
+            let may = axis.command_for(want.exchange).is_some()
+                && self.id_is_free_at(axis, axes) <= now
+                && (want.priority != Priority::Watch || self.may_watch(now, axes));
+            may.then_some((index, want))
+        };
+        let mut watched = None;
+        for (index, want) in ready.behind(self.last_served).filter_map(wants) {
+            if want.priority != Priority::Watch {
+                return Some((index, want));
+            }
+            watched = watched.or(Some((index, want)));
+        }
+        watched
+    }
+
     /// On CAN the lowest id goes first among stops: the controllers' arbitration would turn any
     /// other order round. Others go one after the other.
     fn precedence(&self, axis: &Axis, want: &Request, stops: Stops) -> Precedence {
         let (first, id) = self.first_stop_precedence(axis);
         match (want.priority, stops) {
-            (Priority::StopStep, Stops::None | Stops::Sent | Stops::First) => {
-                (Priority::Ordinary as u8, None)
-            }
+            (Priority::StopStep, Stops::Sent | Stops::First) => (Priority::Ordinary as u8, None),
             (priority, _) if self.kind() == BusKind::Rs485 => (priority as u8, None),
             // One of those that are held up stays in the controller; beside it goes what wins
             // against them.
@@ -140,7 +161,6 @@ impl Bus {
     /// What nothing goes before, where that needs no look at the axes.
     fn least_precedence(&self, stops: Stops) -> Option<Precedence> {
         match (stops, self.kind()) {
-            (Stops::None, _) => Some((Priority::Ordinary as u8, None)),
             (Stops::Sent, BusKind::Rs485) => Some((Priority::Stop as u8, None)),
             (Stops::First, BusKind::Rs485) => Some((Priority::FirstStop as u8, None)),
             _ => None,
@@ -150,7 +170,6 @@ impl Bus {
     /// Whether a command of a stop may go now, as far as the line says so for all of them.
     fn may_send_any_stop(&self, now: Instant, stops: Stops, axes: &Axes) -> bool {
         match (stops, self.kind()) {
-            (Stops::None, _) => false,
             (Stops::Sent, BusKind::Rs485) => {
                 let ready = self.which(Is::Ready, axes);
                 let due = axes.times(ready, |look| look.stop_due).map(|(_, at)| at).min();
@@ -310,7 +329,8 @@ impl Bus {
         }
     }
 
-    pub(super) fn nothing_in_flight(&self) -> bool {
+    /// Whether the port holds no frame.
+    pub fn nothing_in_flight(&self) -> bool {
         self.in_flight.iter().all(Option::is_none)
     }
 

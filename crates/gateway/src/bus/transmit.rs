@@ -253,8 +253,7 @@ impl Bus {
         let may_come = self.kind() == BusKind::Can
             && (axis.reply_with_our_id_since().is_some() || axis.transactions.objects());
         let may_collide = may_come && !self.let_reply_pass;
-        let frames = self.frame_time(COLLIDED_AFTER_FRAMES);
-        let collided_at = may_collide.then_some(now + frames);
+        let collided_at = may_collide.then(|| now + self.frame_time(COLLIDED_AFTER_FRAMES));
         axis.handed(now, want.exchange, command, slot);
         let within = ACKNOWLEDGE_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         let within = match want.exchange {

@@ -61,10 +61,10 @@ impl Gateway {
 
     /// What waits for the image that runs to be confirmed, or for the start of the next one.
     pub(crate) fn refuse_for_image(&self, request: &Request) -> Result<()> {
-        let waits = request.is(class::BEGINS);
+        let waits = || request.is(class::BEGINS);
         match &*self.image {
-            Image { restarts: Some(_), .. } if waits => Err(Error::Restarting {}),
-            Image { trial_ends: Some(_), .. } if waits => Err(Error::ImageOnTrial {}),
+            Image { restarts: Some(_), .. } if waits() => Err(Error::Restarting {}),
+            Image { trial_ends: Some(_), .. } if waits() => Err(Error::ImageOnTrial {}),
             _ => Ok(()),
         }
     }

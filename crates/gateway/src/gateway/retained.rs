@@ -205,12 +205,17 @@ impl Gateway {
         self.retention.write_states(states, store);
     }
 
+    /// Whether [`save_some`](Self::save_some) has something to store.
+    pub fn has_more_to_save(&self) -> bool {
+        !self.retention.is_complete()
+    }
+
     /// Stores a part of what [`handle`](Self::handle) has left for later: the history, and what has
     /// tripped. Returns whether that was all. [`poll_host`](Self::poll_host) stores the rest
     /// before it says anything; a caller that calls this before, when there is time, spares the
     /// next event a long wait after many trips.
     pub fn save_some(&mut self, store: Store<'_>) -> bool {
-        if self.retention.is_complete {
+        if !self.has_more_to_save() {
             return true;
         }
         self.remember_trips();

@@ -239,7 +239,7 @@ impl Gateway {
     /// Whether no port holds a frame of it.
     #[must_use]
     pub fn has_nothing_out(&self) -> bool {
-        self.buses.iter().all(|bus| bus.has_nothing_out())
+        self.buses.iter().all(|bus| bus.nothing_in_flight())
     }
 
     /// The axes that are arming, armed, active or stopping, as of the latest event.

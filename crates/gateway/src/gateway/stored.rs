@@ -258,8 +258,8 @@ impl Gateway {
     /// While something is stored the configuration stays as it is, and nothing begins to move: the
     /// flash may hold the processor up.
     pub(crate) fn refuse_while_saving(&self, request: &Request) -> Result<()> {
-        let waits = request.is(class::BEGINS | class::CHANGES);
-        if waits && self.stored.is_saving() { Err(Error::Saving {}) } else { Ok(()) }
+        let waits = || request.is(class::BEGINS | class::CHANGES);
+        if self.stored.is_saving() && waits() { Err(Error::Saving {}) } else { Ok(()) }
     }
 
     /// What was to be stored is, or could not be.

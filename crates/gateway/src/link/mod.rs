@@ -211,8 +211,10 @@ impl Link {
     #[must_use]
     pub fn deadline(&self) -> Option<u64> {
         let last_valid_us = self.last_valid_us.unwrap_or(0);
-        let subscription = self.subscription.as_ref().map(|kept| kept.deadline(last_valid_us));
-        subscription.into_iter().chain(self.baud.deadline(last_valid_us)).min()
+        let baud = self.baud.deadline(last_valid_us);
+        let Some(subscription) = &self.subscription else { return baud };
+        let at = subscription.deadline(last_valid_us);
+        Some(baud.map_or(at, |baud| baud.min(at)))
     }
 
     /// The next axis to tell of, and what of it. To be followed by [`sample`](Self::sample).

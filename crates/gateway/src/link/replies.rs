@@ -145,30 +145,26 @@ impl Replies {
     /// Finds the request among the remembered ones, or a slot for it.
     pub fn reserve(&mut self, request: Identity) -> Reserved {
         let request = Some(request);
-        let now = self.requests.wrapping_add(1);
-        // The oldest whose reply has been sent; what has never been given away is older.
-        let mut free: Option<(usize, u32)> = None;
-        for (index, entry) in self.entries.iter().enumerate() {
-            let is_sent = entry.state == State::Sent;
-            if entry.request == request {
-                if is_sent {
-                    self.queue(index);
-                }
-                return Reserved::Repeated;
+        let mut entries = self.entries.iter().enumerate();
+        if let Some((index, entry)) = entries.find(|(_, entry)| entry.request == request) {
+            if entry.state == State::Sent {
+                self.queue(index);
             }
-            let age = now.wrapping_sub(entry.order);
-            if is_sent && free.is_none_or(|(_, oldest)| age > oldest) {
-                free = Some((index, age));
-            }
+            return Reserved::Repeated;
         }
         if self.recent.contains(&request) {
             return Reserved::Forgotten;
         }
-        let Some((index, entry)) =
-            free.and_then(|(index, _)| Some((index, self.entries.get_mut(index)?)))
-        else {
-            return Reserved::Full;
-        };
+        let now = self.requests.wrapping_add(1);
+        // The oldest whose reply has been sent; what has never been given away is older.
+        let (mut index, mut oldest) = (WINDOW, 0);
+        for (at, entry) in self.entries.iter().enumerate() {
+            let age = now.wrapping_sub(entry.order);
+            if age > oldest && entry.state == State::Sent {
+                (index, oldest) = (at, age);
+            }
+        }
+        let Some(entry) = self.entries.get_mut(index) else { return Reserved::Full };
         (entry.state, entry.request, entry.order) = (State::Executing, request, now);
         // Nobody reads it any more, and a snapshot has room for it.
         entry.length = 0;
