@@ -20,17 +20,12 @@ pub fn check_bus_config(
     if !bitrates.contains(&bitrate) {
         return Err(not_offered(bus, bitrate, bitrates.iter().copied()));
     }
-    let (min, max) = REPLY_WINDOW_US;
-    if !(min..=max).contains(&reply_window_us) {
-        return Err(out_of_range(Quantity::ReplyWindow, reply_window_us, min, max));
-    }
+    Quantity::ReplyWindow.check(reply_window_us, REPLY_WINDOW_US)?;
     for protocol in protocols.iter() {
         check_kind(bus, kind, protocol)?;
         let info = Info::of(protocol);
-        if let Some((min, max)) = info.can_bitrates.filter(|_| kind == BusKind::Can)
-            && !(min..=max).contains(&bitrate)
-        {
-            return Err(out_of_range(Quantity::Bitrate, bitrate, min, max));
+        if let Some(range) = info.can_bitrates.filter(|_| kind == BusKind::Can) {
+            Quantity::Bitrate.check(bitrate, range)?;
         }
         if info.alone && protocols.iter().any(|other| other != protocol) {
             return Err(Error::NeedsOwnBus { bus, protocol });
@@ -46,12 +41,6 @@ pub(crate) fn not_offered(bus: u8, bitrate: u32, rates: impl Iterator<Item = u32
         *place = rate;
     }
     Error::BitrateNotOffered { bus, bitrate, offered }
-}
-
-/// The numbers of an error are for people to read: f32 is precise enough.
-#[allow(clippy::cast_precision_loss)]
-fn out_of_range(quantity: Quantity, value: u32, min: u32, max: u32) -> Error {
-    Error::OutOfRange { quantity, value: value as f32, min: min as f32, max: max as f32 }
 }
 
 /// Which protocol runs on which kind of bus.

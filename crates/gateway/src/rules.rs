@@ -126,10 +126,7 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
     let Some(Address { bus: number, protocol, node }) = config.address() else { return Ok(()) };
     bus_rules::check_kind(number, bus, protocol)?;
     let info = Info::of(protocol);
-    if node > info.last_node {
-        let (value, max) = (f32::from(node), f32::from(info.last_node));
-        return Err(Error::OutOfRange { quantity: Quantity::Node, value, min: 1.0, max });
-    }
+    Quantity::Node.check(node.into(), (1, info.last_node.into()))?;
     match config.stop_action() {
         Some(action) if info.stop(action).is_none() => Err(Error::Unsupported { axis, protocol }),
         _ => Ok(()),
@@ -189,11 +186,8 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
 
 fn check_return_mode(config: &AxisConfig) -> Result<(), Error> {
     let mode = config.unsigned(AxisParameter::ReturnMode).unwrap_or_default();
-    if mode & protocol::RETURN_MODE_RESERVED == 0 {
-        return Ok(());
-    }
-    #[allow(clippy::cast_precision_loss)] // for people to read
-    within_range(AxisParameter::ReturnMode, mode as f32, 0.0, 0.0)
+    let quantity = Quantity::Parameter(AxisParameter::ReturnMode.number());
+    if mode & protocol::RETURN_MODE_RESERVED == 0 { Ok(()) } else { quantity.check(mode, (0, 0)) }
 }
 
 fn within_range(parameter: AxisParameter, value: f32, min: f32, max: f32) -> Result<(), Error> {

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::errors::Error;
 use crate::parameters;
 use crate::size::wire;
 
@@ -88,6 +89,19 @@ impl Quantity {
             Self::Signal | Self::Axis | Self::Bus | Self::Node | Self::CanId => "",
         }
     }
+
+    /// Refuses a count that is not in a range, both ends of which belong to it.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`]: its numbers are for people to read, for whom an f32 is precise enough.
+    #[allow(clippy::cast_precision_loss)]
+    pub fn check(self, count: u32, (min, max): (u32, u32)) -> Result<(), Error> {
+        if (min..=max).contains(&count) {
+            return Ok(());
+        }
+        let [value, min, max] = [count, min, max].map(|count| count as f32);
+        Err(Error::OutOfRange { quantity: self, value, min, max })
+    }
 }
 
 impl fmt::Display for Quantity {
@@ -130,6 +144,23 @@ impl fmt::Display for Value {
             Self::Unsigned(value) => value.fmt(f),
             Self::Signed(value) => value.fmt(f),
             Self::Float(value) => value.fmt(f),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ends_of_a_range_of_counts_are_in_it() {
+        let out = |value| {
+            let (quantity, min, max) = (Quantity::Period, 250.0, 20_000.0);
+            Err(Error::OutOfRange { quantity, value, min, max })
+        };
+        let cases = [(249, out(249.0)), (250, Ok(())), (20_000, Ok(())), (20_001, out(20_001.0))];
+        for (count, result) in cases {
+            assert_eq!(Quantity::Period.check(count, (250, 20_000)), result);
         }
     }
 }

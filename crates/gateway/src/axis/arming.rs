@@ -107,18 +107,8 @@ impl Axis {
     /// unexpected.
     fn check_ack_level(&self, level: u8) -> Result<(), Error> {
         let configured = self.config.unsigned(AxisParameter::D5AckLevel).unwrap_or(0);
-        if u32::from(level) == configured {
-            return Ok(());
-        }
-        let number = AxisParameter::D5AckLevel.number();
-        #[allow(clippy::cast_precision_loss)]
-        let expected = configured as f32;
-        Err(Error::OutOfRange {
-            quantity: Quantity::Parameter(number),
-            value: f32::from(level),
-            min: expected,
-            max: expected,
-        })
+        let quantity = Quantity::Parameter(AxisParameter::D5AckLevel.number());
+        quantity.check(level.into(), (configured, configured))
     }
 
     /// Whether a later step of the job asks the same, so that the first answer is only for the

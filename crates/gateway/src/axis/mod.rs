@@ -27,7 +27,7 @@ mod version;
 pub(crate) use job::{Job, JobKind};
 pub(crate) use look::{Is, Look};
 pub(crate) use outcome::Reception;
-pub(crate) use part::{PERIOD, Waits};
+pub(crate) use part::{PERIOD_US, Waits};
 pub(crate) use polls::{Priority, Request};
 pub(crate) use restart::Restart;
 pub(crate) use setpoint::{NativeMotion, Permit};

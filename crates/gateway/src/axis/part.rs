@@ -6,7 +6,7 @@
 use super::Axis;
 use super::state::State;
 use crate::protocol::{Exchange, Info};
-use crate::time::{Duration, Instant};
+use crate::time::Instant;
 use crate::transaction::Transaction;
 use host_protocol::{CycleResult, CycleState, Error, SlowState, StateField, StateFields};
 use serde::{Deserialize, Serialize};
@@ -197,5 +197,4 @@ fn is_older(number: u32, other: u32) -> bool {
 }
 
 /// Shortest and longest period.
-pub(crate) const PERIOD: (Duration, Duration) =
-    (Duration::from_micros(250), Duration::from_millis(20));
+pub(crate) const PERIOD_US: (u32, u32) = (250, 20_000);

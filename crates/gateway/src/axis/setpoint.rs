@@ -215,11 +215,7 @@ impl Axis {
         if lead == 0 || lead >= HALF_RANGE {
             return Err(Error::Stale { now_us, expires_at_us });
         }
-        let ttl_us = self.config.ttl().as_micros_u32();
-        if lead > ttl_us {
-            let (value, max) = (micros(lead), micros(ttl_us));
-            return Err(Error::OutOfRange { quantity: Quantity::Expiry, value, min: 0.0, max });
-        }
+        Quantity::Expiry.check(lead, (0, self.config.ttl().as_micros_u32()))?;
         Ok(Some(now + Duration::from_micros(u64::from(lead))))
     }
 
@@ -290,11 +286,4 @@ impl Axis {
             self.poll_index = self.poll_index.wrapping_add(1);
         }
     }
-}
-
-/// Microseconds for an error message; the precision of f32 is enough for it.
-fn micros(us: u32) -> f32 {
-    #[allow(clippy::cast_precision_loss)]
-    let value = us as f32;
-    value
 }

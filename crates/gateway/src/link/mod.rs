@@ -44,6 +44,7 @@ pub struct Link {
     deframer: Deframer,
     replies: Replies,
     events: Events,
+    /// When the last valid request came, repeated ones too.
     last_valid_us: Option<u64>,
     subscription: Option<Subscription>,
     baud: Baud,
@@ -157,12 +158,6 @@ impl Link {
                 unanswered(stops)
             }
         }
-    }
-
-    /// Gateway time of the last valid request, repeated ones too, µs.
-    #[must_use]
-    pub fn last_valid(&self) -> Option<u64> {
-        self.last_valid_us
     }
 
     /// Takes the result of a request. It is dropped if a new session has begun since.

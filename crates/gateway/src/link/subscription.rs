@@ -25,12 +25,7 @@ pub struct Subscription {
 impl Subscription {
     /// What the host asks for; `None` where it asks for nothing any more.
     pub fn new(now_us: u64, request: &requests::Subscribe) -> Result<Option<Self>, Error> {
-        let (min, max) = SUBSCRIPTION_PERIOD_US;
-        if !(min..=max).contains(&request.period_us) {
-            #[allow(clippy::cast_precision_loss)]
-            let [value, min, max] = [request.period_us, min, max].map(|us| us as f32);
-            return Err(Error::OutOfRange { quantity: Quantity::Period, value, min, max });
-        }
+        Quantity::Period.check(request.period_us, SUBSCRIPTION_PERIOD_US)?;
         let subscription = Self {
             axes: Set::from_bits(request.axes),
             fields: request.fields,

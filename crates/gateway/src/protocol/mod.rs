@@ -402,13 +402,10 @@ pub(crate) fn is_within_tolerance(one: u32, other: u32) -> bool {
 
 /// Refuses a time that the motor's own timeout cannot be set to.
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
-    let (min, max) = Info::of_axis(config).map_or((0, u32::MAX), |info| info.timeouts_ms);
-    if timeout_ms == 0 || (min..=max).contains(&timeout_ms) {
-        return Ok(());
+    match Info::of_axis(config) {
+        Some(info) if timeout_ms != 0 => Quantity::MotorTimeout.check(timeout_ms, info.timeouts_ms),
+        _ => Ok(()),
     }
-    #[allow(clippy::cast_precision_loss)]
-    let (value, min, max) = (timeout_ms as f32, min as f32, max as f32);
-    Err(Error::OutOfRange { quantity: Quantity::MotorTimeout, value, min, max })
 }
 
 /// Refuses what the motor of an axis lacks, of the versions of its protocol.

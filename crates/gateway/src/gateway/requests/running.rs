@@ -6,7 +6,7 @@
 
 use super::Result;
 use super::cycle::axes_of;
-use crate::axis::{Axis, Is, PERIOD, Waits};
+use crate::axis::{Axis, Is, PERIOD_US, Waits};
 use crate::bus::shortest_period;
 use crate::gateway::Gateway;
 use crate::set::Set;
@@ -88,12 +88,7 @@ impl Gateway {
         let axes = axes_of(request.axes)?;
         let period = Duration::from_micros(request.period_us.into());
         if !axes.is_empty() {
-            if !(PERIOD.0..=PERIOD.1).contains(&period) {
-                #[allow(clippy::cast_precision_loss, reason = "short times")]
-                let [value, min, max] =
-                    [period, PERIOD.0, PERIOD.1].map(|time| time.as_micros() as f32);
-                return Err(Error::OutOfRange { quantity: Quantity::Period, value, min, max });
-            }
+            Quantity::Period.check(request.period_us, PERIOD_US)?;
             self.check_period(axes, period)?;
         }
         self.stop_running();
