@@ -10,7 +10,7 @@ use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
 /// Bytes given to the core at once: the requests of a control loop come in one piece.
-const CHUNK: usize = 128;
+const CHUNK: usize = 64;
 
 /// Line errors without a byte after which a ring counts as stuck.
 const SILENT_ERRORS: u32 = 16;

@@ -330,6 +330,7 @@ impl Gateway {
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = self.later(now);
+        let may_want = self.may_want(bus) || now > self.now;
         self.begin_stops(bus);
         self.settle_served(now);
         let Self { buses, axes, links, .. } = self;
@@ -338,6 +339,7 @@ impl Gateway {
         if transmit.as_ref().is_some_and(|transmit| polled.is_crowded(transmit.slot)) {
             self.crowded_buses.add(Set::of(bus));
         }
+        debug_assert!(may_want || transmit.is_none(), "bus {bus} has more to send than is known");
         self.has_polled(bus, transmit.is_some());
         transmit
     }
