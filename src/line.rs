@@ -23,6 +23,7 @@ use embassy_stm32::usart::{self, UartRx, UartTx};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, TimeoutError, Timer, with_timeout};
+use host_protocol::DELIMITER;
 
 use crate::dma_memory::Buffer;
 
@@ -35,8 +36,6 @@ const DRIVER_ENABLE_BITS: u64 = 4;
 const TRANSMITTER_DEPTH: usize = 16 + 1;
 /// A byte that is arriving is waited for, and the one behind it.
 const ARRIVING_BYTES: usize = 2;
-/// What ends a frame where lines have delimiters.
-const DELIMITER: u8 = 0;
 /// How often a stream that is to be stopped is looked at: it stops when the byte on its way has
 /// arrived.
 const STREAM_POLLS: usize = 1000;

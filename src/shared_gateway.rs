@@ -292,22 +292,15 @@ impl SharedGateway {
         }
     }
 
-    /// Tells the core what the CAN controllers have done, so many events at most. Returns whether
-    /// there may be more.
+    /// Tells the core what a CAN controller has done, one event of one bus. Returns false where
+    /// none has done anything.
     #[inline(never)]
-    pub fn follow_can(&self, at_once: usize) -> bool {
-        self.with(|parts, _| {
-            let mut followed = 0;
-            while followed < at_once
-                && let Some(event) = parts.next_can_event()
-            {
-                self.follow(parts, Self::now(), &event);
-                followed += 1;
-            }
-            if followed > 0 {
-                self.mind_deadline(parts);
-            }
-            followed == at_once
+    pub fn follow_can(&self) -> bool {
+        self.with(|parts, now| {
+            let Some(event) = parts.next_can_event() else { return false };
+            self.follow(parts, now, &event);
+            self.mind_deadline(parts);
+            true
         })
     }
 

@@ -15,7 +15,7 @@ pub async fn can(gateway: &'static SharedGateway) -> ! {
     let budget = TaskBudget::new(Urgency::Can).await;
     loop {
         budget.wait(watch.wait(fdcan::waiting())).await;
-        if gateway.follow_can(AT_ONCE) {
+        if (0..AT_ONCE).all(|_| gateway.follow_can()) {
             fdcan::look();
         }
     }

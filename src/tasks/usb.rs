@@ -9,7 +9,7 @@ use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_futures::join::{join, join4};
 use gateway::Event;
-use host_protocol::MAX_FRAME;
+use host_protocol::{DELIMITER, MAX_FRAME};
 
 use crate::board::UsbPort;
 use crate::line::LineErrors;
@@ -17,9 +17,6 @@ use crate::shared_gateway::SharedGateway;
 use crate::task_budget::{TaskBudget, Urgency};
 use crate::usb::{self, PACKET, Receiver, Sender};
 use crate::watchdog::{TaskId, Watch};
-
-/// What frames of the host protocol end with.
-const DELIMITER: u8 = 0;
 
 /// For ever. Where the chip's USB does not start, the other links go on without it.
 #[embassy_executor::task]

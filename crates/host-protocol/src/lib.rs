@@ -48,6 +48,7 @@ mod largest;
 pub mod messages;
 mod names;
 pub mod parameters;
+mod pieces;
 mod protocol;
 pub mod replies;
 pub mod requests;
@@ -84,6 +85,7 @@ pub use names::{MAX_NAME, Named, Subject, is_name};
 pub use parameters::{
     AxisParameter, GatewayParameter, ParameterInfo, ParameterText, REPLY_WINDOW_US, ValueKind,
 };
+pub use pieces::Pieces;
 pub use protocol::{Protocol, ProtocolSet, StateField, StateFields, StopAction, UnknownNumber};
 pub use replies::VersionAnswer;
 pub use requests::Member;
