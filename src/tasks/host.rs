@@ -11,8 +11,9 @@ use crate::shared_gateway::SharedGateway;
 use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
-/// Bytes given to the core at once: the requests of a control loop come in one piece.
-const PIECE: usize = 64;
+/// Bytes given to the core at once: hardly more than one request, as what follows from a stop leaves
+/// before the next.
+const PIECE: usize = 32;
 
 /// Line errors without a byte after which a ring counts as stuck.
 const SILENT_ERRORS: u32 = 16;
@@ -41,23 +42,18 @@ pub async fn receive(gateway: &'static SharedGateway, link: u8, mut line: Receiv
             silent_errors = 0;
             line.events.ask_for_restart();
         }
-        match budget.wait(watch.wait(line.read(pieces.room()))).await {
-            None => {}
+        let piece = match budget.wait(watch.wait(line.read(pieces.room()))).await {
+            None => None,
             Some(Ok(length)) => pieces.add(length),
             Some(Err(Overflow)) => {
                 if let Some(so_far) = overflows.add(1) {
                     defmt::warn!("host link {=u8}: {=u32} overflows so far", link, so_far);
                 }
                 // What follows is the rest of some frame: this ends what had come of one.
-                pieces.end();
+                pieces.end()
             }
-        }
-        let mut is_first = true;
-        while let Some(bytes) = pieces.next() {
-            // What follows from the one before goes first.
-            if !mem::replace(&mut is_first, false) {
-                budget.spend_one_of_many().await;
-            }
+        };
+        if let Some(bytes) = piece {
             gateway.handle(Event::HostBytes { link, bytes });
         }
     }

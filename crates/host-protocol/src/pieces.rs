@@ -5,15 +5,12 @@ use crate::frame::DELIMITER;
 /// Holds bytes of a stream until they end a frame, or `SIZE` of them have come.
 ///
 /// Who takes them in is busy with a piece for as long as with a frame, so it is spared what it could
-/// only keep; and it gets one frame at a time, so that what follows from a frame can go before the
-/// next one. A [`Deframer`](crate::Deframer) finds the same frames in the pieces as in the stream.
+/// only keep. A [`Deframer`](crate::Deframer) finds the same frames in the pieces as in the stream.
 #[derive(Debug, Clone)]
 pub struct Pieces<const SIZE: usize> {
     bytes: [u8; SIZE],
-    /// Of these some have been given.
-    given: usize,
-    /// And so many have come.
-    come: usize,
+    /// So many have come.
+    held: usize,
     /// What was given last has ended a frame: a delimiter behind it begins one, and says nothing.
     is_between_frames: bool,
 }
@@ -28,46 +25,35 @@ impl<const SIZE: usize> Pieces<SIZE> {
     /// Of a stream of which nothing has come.
     #[must_use]
     pub const fn new() -> Self {
-        Self { bytes: [0; SIZE], given: 0, come: 0, is_between_frames: true }
+        Self { bytes: [0; SIZE], held: 0, is_between_frames: true }
     }
 
-    /// Where the next bytes of the stream go; not empty once [`next`](Self::next) has given all it
-    /// can. How many came is told by [`add`](Self::add).
+    /// Where the next bytes of the stream go; never empty. How many came is told by
+    /// [`add`](Self::add).
     pub fn room(&mut self) -> &mut [u8] {
-        self.bytes.copy_within(self.given..self.come, 0);
-        (self.given, self.come) = (0, self.come - self.given);
-        self.bytes.get_mut(self.come..).unwrap_or_default()
+        self.bytes.get_mut(self.held..).unwrap_or_default()
     }
 
-    /// So many bytes have come; more than there was room for count as that.
-    pub fn add(&mut self, length: usize) {
-        self.come = self.come.saturating_add(length).min(SIZE);
+    /// So many bytes have come; more than there was room for count as that. Gives all that have,
+    /// where they end something or fill the room.
+    pub fn add(&mut self, length: usize) -> Option<&[u8]> {
+        self.held = self.held.saturating_add(length).min(SIZE);
+        let bytes = self.bytes.get(..self.held)?;
+        let is_opening = |byte: &&u8| self.is_between_frames && **byte == DELIMITER;
+        let said = bytes.get(bytes.iter().take_while(is_opening).count()..)?;
+        let is_whole = said.last() == Some(&DELIMITER);
+        if !is_whole && !said.contains(&DELIMITER) && self.held < SIZE {
+            return None;
+        }
+        self.is_between_frames = bytes.last() == Some(&DELIMITER);
+        self.held = 0;
+        Some(bytes)
     }
 
     /// What comes next is no more of the frame that has begun: it ends here.
-    pub fn end(&mut self) {
-        if let Some(place) = self.room().first_mut() {
-            *place = DELIMITER;
-            self.add(1);
-        }
-    }
-
-    /// The next piece: as far as the end of a frame, or all where that fills the room.
-    #[allow(clippy::should_implement_trait)]
-    pub fn next(&mut self) -> Option<&[u8]> {
-        let bytes = self.bytes.get(self.given..self.come)?;
-        let is_delimiter = |byte: &u8| *byte == DELIMITER;
-        let is_opening = |byte: &&u8| self.is_between_frames && is_delimiter(byte);
-        let opening = bytes.iter().take_while(is_opening).count();
-        let length = match bytes.iter().skip(opening).position(is_delimiter) {
-            Some(inside) => opening + inside + 1,
-            None if bytes.len() == SIZE => SIZE,
-            None => return None,
-        };
-        let piece = bytes.get(..length)?;
-        self.is_between_frames = piece.last().is_some_and(is_delimiter);
-        self.given += length;
-        Some(piece)
+    pub fn end(&mut self) -> Option<&[u8]> {
+        *self.room().first_mut()? = DELIMITER;
+        self.add(1)
     }
 }
 
@@ -88,22 +74,21 @@ mod tests {
             let room = of.room();
             let (now, later) = bytes.split_at(room.len().min(bytes.len()));
             room[..now.len()].copy_from_slice(now);
-            of.add(now.len());
-            while let Some(piece) = of.next() {
-                given.push(piece.to_vec());
-            }
+            given.extend(of.add(now.len()).map(Vec::from));
             bytes = later;
         }
         given
     }
 
     #[test]
-    fn a_piece_is_a_frame_and_the_beginning_of_the_next_waits() {
+    fn the_beginning_of_a_frame_waits_for_its_end() {
         let mut stream = Pieces::new();
         assert_eq!(pieces(&mut stream, &[0, 2, 7]), [[0; 0]; 0]);
-        assert_eq!(pieces(&mut stream, &[0, 0, 3, 1]), [[0, 2, 7, 0]]);
-        assert_eq!(pieces(&mut stream, &[1, 0, 2, 9, 0]), [&[0, 3, 1, 1, 0][..], &[2, 9, 0]]);
+        assert_eq!(pieces(&mut stream, &[0, 0, 3]), [[0, 2, 7, 0, 0, 3]]);
+        assert_eq!(pieces(&mut stream, &[1]), [[0; 0]; 0]);
+        assert_eq!(pieces(&mut stream, &[1, 0]), [[1, 1, 0]]);
         assert_eq!(pieces(&mut stream, &[0, 0]), [[0; 0]; 0], "delimiters alone say nothing");
+        assert_eq!(pieces(&mut stream, &[2, 9, 0]), [[0, 0, 2, 9, 0]]);
     }
 
     #[test]
@@ -112,17 +97,16 @@ mod tests {
         assert_eq!(pieces(&mut stream, &[1; SIZE + 2]), [[1; SIZE]]);
         assert_eq!(pieces(&mut stream, &[0]), [[1, 1, 0]]);
         assert_eq!(pieces(&mut stream, &[1; SIZE]), [[1; SIZE]]);
-        assert_eq!(pieces(&mut stream, &[0, 0]), [[0]], "the second one opens a frame");
+        assert_eq!(pieces(&mut stream, &[0]), [[0]]);
+        assert_eq!(pieces(&mut stream, &[0]), [[0; 0]; 0], "this one opens a frame");
     }
 
     #[test]
     fn a_frame_that_is_cut_off_ends() {
         let mut stream = Pieces::new();
         assert_eq!(pieces(&mut stream, &[0, 2]), [[0; 0]; 0]);
-        stream.end();
-        assert_eq!(stream.next(), Some(&[0, 2, 0][..]));
-        stream.end();
-        assert_eq!(stream.next(), None, "nothing had begun");
+        assert_eq!(stream.end(), Some(&[0, 2, 0][..]));
+        assert_eq!(stream.end(), None, "nothing had begun");
     }
 
     #[test]
@@ -139,24 +123,19 @@ mod tests {
             }
             let frames = |bytes: &[u8]| {
                 let mut deframer = Deframer::new();
-                let ends: Vec<_> = bytes
+                let ends = bytes
                     .iter()
-                    .filter_map(|byte| deframer.push(*byte).map(|end| std::format!("{end:?}")))
-                    .collect();
-                ends
+                    .filter_map(|byte| deframer.push(*byte).map(|end| std::format!("{end:?}")));
+                ends.collect::<Vec<_>>()
             };
             let (mut stream, mut given) = (Pieces::new(), Vec::new());
             let mut rest = &line[..];
             while !rest.is_empty() {
                 let (now, later) = rest.split_at(random.usize(1..=rest.len()));
-                for piece in pieces(&mut stream, now) {
-                    assert!(frames(&piece).len() <= 1, "{piece:?}");
-                    given.extend_from_slice(&piece);
-                }
+                given.extend(pieces(&mut stream, now).concat());
                 rest = later;
                 // Nothing that has come whole is held.
-                let come = &line[..line.len() - rest.len()];
-                assert_eq!(frames(&given), frames(come));
+                assert_eq!(frames(&given), frames(&line[..line.len() - rest.len()]));
             }
         }
     }
