@@ -322,9 +322,8 @@ impl Gateway {
     /// not be polled.
     pub fn may_want(&self, bus: u8) -> bool {
         let is_idle = |bus: &Tracked<Bus>| bus.nothing_in_flight() && bus.raw.is_none();
-        let spreads = || !self.axes.which(Is::Spreading).is_empty();
         !self.unstopped.is_empty()
-            || spreads()
+            || !self.axes.which(Is::Spreading).is_empty()
             || !self.axes.which_on(Is::Ready, bus).is_empty()
             || !self.buses.get(usize::from(bus)).is_none_or(is_idle)
     }

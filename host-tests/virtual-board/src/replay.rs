@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 use flight_recorder::{Call, Recording, Replay, Step};
 use gateway::{Event, Gateway, Instant, MAX_SNAPSHOT};
-use host_protocol::{DEFAULT_BAUD, Trip};
+use host_protocol::{DEFAULT_BAUD, DELIMITER, Trip};
 use mgw_cli::flight::{OnImage, leak};
 use mgw_client::ClientError;
 
@@ -24,9 +24,6 @@ use stimulus::{Played, begins, outside};
 /// The core begins with a call so long after the one before, µs: it never sees its time go
 /// backwards.
 const PAUSE_US: u64 = 40;
-
-/// What frames of the host protocol end with.
-const DELIMITER: u8 = 0;
 
 /// What is needed of the build of a board.
 struct Images {

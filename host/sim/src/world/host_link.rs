@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use host_protocol::DEFAULT_BAUD;
+use host_protocol::{DEFAULT_BAUD, DELIMITER};
 
 use crate::bus::bit_time;
 
@@ -11,8 +11,6 @@ use crate::bus::bit_time;
 const BITS_PER_BYTE: u64 = 10;
 /// The gateway takes in at most this many bytes at once.
 const CHUNK: usize = 32;
-/// A frame ends with this byte, and with it the gateway looks at what it has received.
-const DELIMITER: u8 = 0;
 /// Bytes kept for a host that does not read; what comes then is lost.
 const HOST_BUFFER: usize = 1 << 20;
 
@@ -152,6 +150,7 @@ impl HostLink {
         self.run_start + bit_time((self.run_arrived + len as u64) * BITS_PER_BYTE, baud)
     }
 
+    /// With the end of a frame the gateway looks at what it has received.
     fn chunk_len(&self) -> usize {
         let end = self.inbound.iter().take(CHUNK).position(|byte| *byte == DELIMITER);
         end.map_or_else(|| self.inbound.len().min(CHUNK), |at| at + 1)
