@@ -28,6 +28,8 @@ pub(crate) struct Record {
     pub may_be_dropped: bool,
     /// It has set several motors in motion; `None` where that may have been another one, too.
     pub has_started: Option<bool>,
+    /// When.
+    pub started_us: Option<u64>,
 }
 
 /// One link.
@@ -102,6 +104,7 @@ impl Link {
             took: false,
             may_be_dropped: owed + again >= WINDOW,
             has_started: Some(false),
+            started_us: None,
         });
         Arrival::New
     }

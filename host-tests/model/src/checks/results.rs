@@ -13,6 +13,9 @@ const REFUSES_EVERYBODY: [u16; 3] = [81, 131, 133];
 /// Those that refuse it: another link has it, or nobody and a watcher asks, or that of a link
 /// without session.
 const NOT_IN_COMMAND: [u16; 3] = [4, 96, 98];
+/// What time alone refuses: `Tripped` and `Stale`. It does so before what happens at that instant is
+/// looked at.
+const BY_TIME: [u16; 2] = [13, 14];
 
 impl Oracle {
     /// Bytes for a host leave the gateway.
@@ -100,6 +103,7 @@ impl Oracle {
             let (refused, took) = (record.must_be_refused, record.took);
             let is_reply = message.kind == Kind::Reply;
             let has_started = record.has_started;
+            let is_by_time = record.started_us == Some(now) && BY_TIME.contains(&message.number);
             if refused
                 && (is_reply
                     || !READ_BEFORE_AUTHORITY.contains(&message.number)
@@ -113,6 +117,7 @@ impl Oracle {
             }
             if matches!(request, Request::StartTogether { .. })
                 && has_started.is_some_and(|has| has != is_reply)
+                && !is_by_time
             {
                 let seen =
                     format!("{request:?} is answered {}, started: {has_started:?}", message.number);

@@ -239,7 +239,7 @@ impl Oracle {
             let of_it =
                 |record: &&mut Record| record.sequence == sequence && record.result.is_none();
             if let Some(record) = records.find(of_it) {
-                record.has_started = outcome;
+                (record.has_started, record.started_us) = (outcome, Some(now));
             }
         }
         for index in 0..self.axes.len() {

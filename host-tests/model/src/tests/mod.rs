@@ -42,6 +42,7 @@ const EPOCH: u8 = 7;
 /// Done has no fields.
 const DONE: &[u8] = &[];
 const ERROR_NOT_ARMED: u16 = 12;
+const ERROR_TRIPPED: u16 = 13;
 
 struct Trace {
     oracle: Oracle,

@@ -168,6 +168,22 @@ fn a_start_that_is_reported_and_has_not_come_or_the_reverse() {
 }
 
 #[test]
+fn a_trip_by_time_at_the_instant_of_the_start_and_one_behind_it() {
+    for (later_us, breaks) in [(0, false), (1, true)] {
+        let mut trace = Trace::of_d5(1);
+        let sequence = trace.prepared();
+        trace.to(0xFE, EXECUTE);
+        trace.now += later_us;
+        trace.answer(0, sequence, 3, ERROR_TRIPPED, &[2, 0]);
+        if breaks {
+            trace.breaks(Check::StartUnproved);
+        } else {
+            trace.breaks_nothing();
+        }
+    }
+}
+
+#[test]
 fn a_start_that_goes_out_twice_or_too_late() {
     let mut trace = Trace::of_d5(1);
     trace.prepared();
