@@ -133,7 +133,10 @@ impl Oracle {
                     format!("axis {axis} stops: {}", frame.text()),
                 );
             }
-            Purpose::Rest => held.is_step = self.axes[axis].duty.is_some(),
+            Purpose::Rest => {
+                self.axes[axis].has_sent_native(&data);
+                held.is_step = self.axes[axis].duty.is_some();
+            }
             _ => {}
         }
         held.data = data;
