@@ -1,49 +1,39 @@
 //! Frames out of a stream of bytes.
 
+use core::mem::{swap, take};
+
 use crate::filled::Filled;
-use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_MESSAGE};
+use crate::frame::{COBS_FULL, DELIMITER, Frame, FrameError, MAX_FRAME, MAX_MESSAGE};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Takes bytes as they arrive and gives out frames. It undoes COBS while it stores, so one message
-/// is all it holds.
+/// Longest frame without its delimiters.
+const MAX_STUFFED: usize = MAX_FRAME - 2;
+
+/// The length of one that has not fitted.
+const TOO_LONG: usize = MAX_STUFFED + 1;
+
+/// Takes bytes as they arrive and gives out frames. It keeps what has come of a frame as it came,
+/// and undoes COBS in place when the frame has ended.
 ///
 /// Whatever arrives, the next delimiter starts afresh: garbage costs at most the frame it hits.
 #[derive(Clone)]
 pub struct Deframer {
-    message: [u8; MAX_MESSAGE],
-    progress: Progress,
-}
-
-/// How far a frame has come.
-#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Progress {
-    /// Bytes of the message; [`TOO_LONG`] if it has not fitted.
+    stuffed: [u8; MAX_STUFFED],
+    /// Bytes that have come since the last delimiter; [`TOO_LONG`] where they have not fitted.
     length: usize,
-    /// Data bytes that the current COBS block still lacks.
-    missing: u8,
-    /// Whether a zero comes before the next block's data: not before the first one, nor after a
-    /// full one.
-    zero_next: bool,
 }
 
-const TOO_LONG: usize = MAX_MESSAGE + 1;
-
-impl Progress {
-    /// Nothing has come since the last delimiter.
-    const NONE: Self = Self { length: 0, missing: 0, zero_next: false };
-}
-
-/// What has come of the message, and how far.
+/// What has come of the frame.
 impl Serialize for Deframer {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        (Filled::of(&self.message, self.progress.length), self.progress).serialize(to)
+        (Filled::of(&self.stuffed, self.length), self.length).serialize(to)
     }
 }
 
 impl<'de> Deserialize<'de> for Deframer {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let (come, progress) = <(Filled<'_>, Progress)>::deserialize(from)?;
-        Ok(Self { message: come.array()?, progress })
+        let (come, length) = <(Filled<'_>, usize)>::deserialize(from)?;
+        Ok(Self { stuffed: come.array()?, length })
     }
 }
 
@@ -57,7 +47,7 @@ impl Deframer {
     /// One that has seen nothing.
     #[must_use]
     pub const fn new() -> Self {
-        Self { message: [0; MAX_MESSAGE], progress: Progress::NONE }
+        Self { stuffed: [0; MAX_STUFFED], length: 0 }
     }
 
     /// Takes the next byte. A delimiter completes a frame, if anything came before it.
@@ -68,53 +58,60 @@ impl Deframer {
     /// Takes `bytes` off their front, as far as the delimiter that completes the next frame, or
     /// all.
     pub fn take(&mut self, bytes: &mut &[u8]) -> Option<Result<Frame<'_>, FrameError>> {
-        let Progress { mut length, mut missing, mut zero_next } = self.progress;
-        let mut line = bytes.iter();
-        let completes = line.any(|&byte| {
-            if byte == DELIMITER {
-                return (Progress { length, missing, zero_next }) != Progress::NONE;
-            }
-            let data = match missing {
-                0 => {
-                    missing = byte - 1;
-                    if !core::mem::replace(&mut zero_next, byte != COBS_FULL) {
-                        return false;
-                    }
-                    0
-                }
-                _ => {
-                    missing -= 1;
-                    byte
-                }
-            };
-            match self.message.get_mut(length) {
-                Some(place) => {
-                    *place = data;
-                    length += 1;
-                }
-                None => length = TOO_LONG,
-            }
-            false
-        });
-        *bytes = line.as_slice();
-        if !completes {
-            self.progress = Progress { length, missing, zero_next };
-            return None;
+        if self.length == 0 {
+            let between = bytes.iter().take_while(|byte| **byte == DELIMITER).count();
+            *bytes = bytes.get(between..)?;
         }
-        self.progress = Progress::NONE;
-        Some(match self.message.get(..length) {
-            None => Err(FrameError::TooLong),
-            Some(_) if missing > 0 => Err(FrameError::Cobs),
-            Some(message) => Frame::from_message(message),
-        })
+        let end = bytes.iter().position(|byte| *byte == DELIMITER);
+        let (come, rest) = bytes.split_at_checked(end.unwrap_or(bytes.len()))?;
+        let place = self.stuffed.get_mut(self.length..).and_then(|room| room.get_mut(..come.len()));
+        match place {
+            Some(place) => {
+                place.copy_from_slice(come);
+                self.length += come.len();
+            }
+            None => self.length = TOO_LONG,
+        }
+        *bytes = rest.get(1..).unwrap_or_default();
+        end?;
+        let stuffed = self.stuffed.get_mut(..take(&mut self.length));
+        let message = stuffed.ok_or(FrameError::TooLong).and_then(|stuffed| unstuff(stuffed));
+        Some(message.and_then(Frame::from_message))
+    }
+}
+
+/// Undoes COBS in place: a code byte says how far the next one is, which gives way to a zero. Only
+/// behind a full block it leaves no zero, and what follows moves up.
+fn unstuff(stuffed: &mut [u8]) -> Result<&[u8], FrameError> {
+    let mut end = stuffed.len();
+    let (mut code, mut next_at) = (1, 0);
+    while let Some(behind @ [_, ..]) = stuffed.get_mut(next_at..end) {
+        let mut moved = 0;
+        if code == COBS_FULL {
+            behind.iter_mut().rev().for_each(|byte| swap(byte, &mut moved));
+            next_at -= 1;
+            end -= 1;
+        } else if let Some(next) = behind.first_mut() {
+            swap(next, &mut moved);
+        }
+        code = moved;
+        next_at += usize::from(code);
+    }
+    match stuffed.get(1..end) {
+        Some(message) if message.len() > MAX_MESSAGE => Err(FrameError::TooLong),
+        Some(message) if next_at == end => Ok(message),
+        _ => Err(FrameError::Cobs),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
     use crate::encode_body;
-    use crate::frame::{Kind, MAX_FRAME};
+    use crate::frame::Kind;
+    use std::vec::Vec;
 
     const PING: [u8; 12] = [0x00, 0x03, 0x01, 0x01, 0x02, 0x02, 0x05, 0xCF, 0x83, 0x63, 0x87, 0x00];
 
@@ -226,6 +223,53 @@ mod tests {
                 assert_eq!((taken, usize::from(taken.is_some())), (same, count));
             }
         }
+    }
+
+    /// COBS as it is defined: byte by byte, to somewhere else. Nothing where the last block is not
+    /// complete.
+    fn unstuffed(stuffed: &[u8]) -> Option<Vec<u8>> {
+        let (mut message, mut rest) = (Vec::new(), stuffed);
+        while let Some((code, behind)) = rest.split_first() {
+            let (block, behind) = behind.split_at_checked(usize::from(*code) - 1)?;
+            message.extend_from_slice(block);
+            message.extend((*code < 255 && !behind.is_empty()).then_some(0));
+            rest = behind;
+        }
+        Some(message)
+    }
+
+    #[test]
+    fn cobs_is_undone_in_place_as_it_is_defined() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let mut found = [0; 3];
+        for _ in 0..200_000 {
+            // As many full blocks as fit, short ones, and a last one that may lack a few bytes.
+            let mut line = Vec::new();
+            for _ in 0..random.usize(1..5) {
+                let code = *random.choice(&[255, 255, 254, 1, 2, 3, 9, 250]).unwrap();
+                line.push(code);
+                line.extend((1..code).map(|_| random.u8(1..)));
+            }
+            line.truncate(line.len() - random.usize(..4).min(line.len() - 1) % 2);
+            let whole = unstuffed(&line);
+            let mut stuffed = line.clone();
+            let undone = unstuff(&mut stuffed);
+            match whole {
+                Some(message) if message.len() <= MAX_MESSAGE => {
+                    assert_eq!(undone, Ok(&message[..]), "{line:02X?}");
+                    found[0] += 1;
+                }
+                Some(_) => {
+                    assert_eq!(undone, Err(FrameError::TooLong), "{line:02X?}");
+                    found[1] += 1;
+                }
+                None => {
+                    assert!(undone.is_err(), "{line:02X?}");
+                    found[2] += 1;
+                }
+            }
+        }
+        assert!(found.iter().all(|count| *count > 1_000), "{found:?}");
     }
 
     #[test]

@@ -45,12 +45,8 @@ pub fn encode(
     body: &(impl Serialize + ?Sized),
     out: &mut [u8],
 ) -> Result<usize, EncodeError> {
-    let room = out.get_mut(BODY_AT..).ok_or(EncodeError::TooLong)?;
-    match postcard::to_slice(body, room).map(|body| body.len()) {
-        Ok(length) => complete(kind, sequence, number, length, out).ok_or(EncodeError::TooLong),
-        Err(postcard::Error::SerializeBufferFull) => Err(EncodeError::TooLong),
-        Err(_) => Err(EncodeError::Body),
-    }
+    let end = write_message(kind, sequence, number, body, out)?;
+    frame_message(end, out)
 }
 
 /// As [`encode`], of a body that is bytes already.
@@ -66,31 +62,64 @@ pub fn encode_body(
 ) -> Result<usize, EncodeError> {
     let room = out.get_mut(BODY_AT..).and_then(|room| room.get_mut(..body.len()));
     room.ok_or(EncodeError::TooLong)?.copy_from_slice(body);
-    complete(kind, sequence, number, body.len(), out).ok_or(EncodeError::TooLong)
+    let end = write_header(kind, sequence, number, body.len(), out)?;
+    frame_message(end, out)
 }
 
-/// Puts the rest of its frame around a body and returns the frame's length. [`encode`] exists once
-/// for every message of the table, this once for all.
+/// Writes header and body to where they lie in their frame, and returns where they end: all of the
+/// frame that [`frame_message`] does not add.
+///
+/// # Errors
+/// As [`encode`].
+pub fn write_message(
+    kind: Kind,
+    sequence: u16,
+    number: u16,
+    body: &(impl Serialize + ?Sized),
+    out: &mut [u8],
+) -> Result<usize, EncodeError> {
+    let room = out.get_mut(BODY_AT..).ok_or(EncodeError::TooLong)?;
+    match postcard::to_slice(body, room).map(|body| body.len()) {
+        Ok(length) => write_header(kind, sequence, number, length, out),
+        Err(postcard::Error::SerializeBufferFull) => Err(EncodeError::TooLong),
+        Err(_) => Err(EncodeError::Body),
+    }
+}
+
+/// Puts the header before a body. [`write_message`] exists once for every message of the table,
+/// this once for all.
 #[inline(never)]
-fn complete(
+fn write_header(
     kind: Kind,
     sequence: u16,
     number: u16,
     length: usize,
     out: &mut [u8],
-) -> Option<usize> {
-    if length > MAX_BODY {
-        return None;
-    }
+) -> Result<usize, EncodeError> {
     let [sequence_low, sequence_high] = sequence.to_le_bytes();
     let [number_low, number_high] = number.to_le_bytes();
-    let (checked, behind) =
-        out.get_mut(MESSAGE_AT..)?.split_at_mut_checked(HEADER_SIZE + length)?;
-    *checked.first_chunk_mut()? =
-        [kind as u8, sequence_low, sequence_high, number_low, number_high];
-    *behind.first_chunk_mut()? = CHECKSUM.checksum(checked).to_le_bytes();
-    *out.first_mut()? = DELIMITER;
-    stuff(out, BODY_AT + length + CHECKSUM_SIZE)
+    let before_body = out.first_chunk_mut().filter(|_| length <= MAX_BODY);
+    // The 0 becomes the code byte of the first block.
+    *before_body.ok_or(EncodeError::TooLong)? =
+        [DELIMITER, 0, kind as u8, sequence_low, sequence_high, number_low, number_high];
+    Ok(BODY_AT + length)
+}
+
+/// Makes the delimited frame of what [`write_message`] has written as far as `end`, and returns its
+/// length: checksum and COBS take longer than the message.
+///
+/// # Errors
+/// [`EncodeError::TooLong`]: `out` is too small, or there is no message.
+#[inline(never)]
+pub fn frame_message(end: usize, out: &mut [u8]) -> Result<usize, EncodeError> {
+    put_around(end, out).ok_or(EncodeError::TooLong)
+}
+
+fn put_around(end: usize, out: &mut [u8]) -> Option<usize> {
+    let (checked, behind) = out.split_at_mut_checked(end)?;
+    let checksum = CHECKSUM.checksum(checked.get(MESSAGE_AT..)?);
+    *behind.first_chunk_mut()? = checksum.to_le_bytes();
+    stuff(out, end + CHECKSUM_SIZE)
 }
 
 /// COBS, in place: the code byte of a block takes the place of the zero that ended the block

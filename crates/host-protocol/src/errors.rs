@@ -6,7 +6,7 @@ use core::fmt;
 use crate::axis::{AxisState, TripReason};
 use crate::bus::{BusKind, MAX_BITRATES};
 use crate::can_id::CanId;
-use crate::encode::{EncodeError, encode};
+use crate::encode::{EncodeError, frame_message, write_message};
 use crate::error_text::{
     AsDialects, Bounds, DialectCommand, DialectName, Faults, KindOf, NextEpoch, OTHER_VERSION,
     Offered, RequestName, abilities, next_step, together_bar, way_to_idle,
@@ -110,12 +110,25 @@ macro_rules! errors {
                 sequence: u16,
                 out: &mut [u8],
             ) -> Result<usize, EncodeError> {
+                frame_message(self.write_message(sequence, out)?, out)
+            }
+
+            /// Writes the message to where it lies in its frame and returns where it ends, for
+            /// [`frame_message`].
+            ///
+            /// # Errors
+            /// As [`encode_frame`](Self::encode_frame).
+            pub fn write_message(
+                &self,
+                sequence: u16,
+                out: &mut [u8],
+            ) -> Result<usize, EncodeError> {
                 let number = self.number();
                 match self {
                     $(Self::$name { $($field),* } => {
-                        encode(Kind::Error, sequence, number, &($($field,)*), out)
+                        write_message(Kind::Error, sequence, number, &($($field,)*), out)
                     })+
-                    Self::Unknown { .. } => encode(Kind::Error, sequence, number, &(), out),
+                    Self::Unknown { .. } => write_message(Kind::Error, sequence, number, &(), out),
                 }
             }
         }

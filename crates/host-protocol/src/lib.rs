@@ -70,7 +70,7 @@ pub use changes::{Change, Setting, StoredState};
 pub use cycle::{CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES, cycle_frame_bytes};
 pub use cycle_event::{CycleEvent, CycleMessage, Overruns, SlowState};
 pub use deframer::Deframer;
-pub use encode::{EncodeError, encode, encode_body};
+pub use encode::{EncodeError, encode, encode_body, frame_message, write_message};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};
 pub use events::{AuthorityLossReason, EVENT_BASE, EVENTS, Event, EventMessage};
 pub use filled::Filled;

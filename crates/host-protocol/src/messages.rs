@@ -8,7 +8,7 @@ use core::fmt;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::encode::{EncodeError, encode};
+use crate::encode::{EncodeError, frame_message, write_message};
 use crate::errors::{ERRORS, Error, MAX_ERROR_BODY};
 use crate::events::{EVENT_BASE, EVENTS, MAX_EVENT_BODY};
 use crate::frame::{Kind, MAX_BODY};
@@ -103,8 +103,23 @@ macro_rules! frames {
                 sequence: u16,
                 out: &mut [u8],
             ) -> Result<usize, EncodeError> {
+                frame_message(self.write_message(sequence, out)?, out)
+            }
+
+            /// Writes the message to where it lies in its frame and returns where it ends, for
+            /// [`frame_message`].
+            ///
+            /// # Errors
+            /// As [`encode_frame`](Self::encode_frame).
+            pub fn write_message(
+                &self,
+                sequence: u16,
+                out: &mut [u8],
+            ) -> Result<usize, EncodeError> {
                 match self {
-                    $(Self::$name(body) => encode(Kind::$kind, sequence, $number, body, out)),+
+                    $(Self::$name(body) => {
+                        write_message(Kind::$kind, sequence, $number, body, out)
+                    }),+
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! The last requests of a link and their results, kept as the bytes that were sent.
 
 use heapless::Deque;
-use host_protocol::{Error, Filled, Frame, MAX_FRAME, Reply};
+use host_protocol::{EncodeError, Error, Filled, Frame, MAX_FRAME, Reply, frame_message};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -34,8 +34,10 @@ pub enum Reserved {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum State {
     Executing = 1,
-    /// The reply is to be sent.
-    Waiting = 2,
+    /// The reply is to be sent, and no frame yet: what follows from its request goes first.
+    Written = 2,
+    /// The reply is to be sent again.
+    Waiting = 3,
     /// The reply was handed out and is kept for a repeated request. 0: see [`Link::blank`].
     ///
     /// [`Link::blank`]: super::Link::blank
@@ -90,6 +92,12 @@ impl<'de> Deserialize<'de> for Entry {
 impl Entry {
     const EMPTY: Self =
         Self { state: State::Sent, request: None, order: 0, length: 0, reply: [0; MAX_FRAME] };
+
+    /// So much of the reply is there. Every message of the table fits, as host-protocol asserts;
+    /// there is nobody to tell otherwise.
+    fn has(&mut self, length: Result<usize, EncodeError>) {
+        self.length = length.ok().and_then(|length| u16::try_from(length).ok()).unwrap_or(0);
+    }
 }
 
 /// The window of remembered requests. A snapshot has its fields in their order.
@@ -148,7 +156,7 @@ impl Replies {
         let mut entries = self.entries.iter().enumerate();
         if let Some((index, entry)) = entries.find(|(_, entry)| entry.request == request) {
             if entry.state == State::Sent {
-                self.queue(index);
+                self.queue(index, State::Waiting);
             }
             return Reserved::Repeated;
         }
@@ -176,9 +184,9 @@ impl Replies {
     }
 
     /// The reply of an entry is to be sent.
-    fn queue(&mut self, index: usize) {
+    fn queue(&mut self, index: usize, state: State) {
         if let Some(entry) = self.entries.get_mut(index) {
-            entry.state = State::Waiting;
+            entry.state = state;
             // It fits: none waits twice.
             let _ = self.waiting.push_back(index);
         }
@@ -191,19 +199,21 @@ impl Replies {
         if entry.order != slot.order || entry.state != State::Executing {
             return;
         }
-        let encoded = match result {
-            Ok(reply) => reply.encode_frame(sequence, &mut entry.reply),
-            Err(error) => error.encode_frame(sequence, &mut entry.reply),
+        let written = match result {
+            Ok(reply) => reply.write_message(sequence, &mut entry.reply),
+            Err(error) => error.write_message(sequence, &mut entry.reply),
         };
-        // Every message of the table fits, as host-protocol asserts; there is nobody to tell
-        // otherwise.
-        entry.length = encoded.ok().and_then(|length| u16::try_from(length).ok()).unwrap_or(0);
-        self.queue(slot.index);
+        entry.has(written);
+        self.queue(slot.index, State::Written);
     }
 
     /// Writes the reply that has waited longest.
     pub fn poll_transmit(&mut self, out: &mut [u8; MAX_FRAME]) -> Option<usize> {
         let entry = self.entries.get_mut(self.waiting.pop_front()?)?;
+        if entry.state == State::Written {
+            let framed = frame_message(entry.length.into(), &mut entry.reply);
+            entry.has(framed);
+        }
         let length = usize::from(entry.length);
         if let (Some(to), Some(reply)) = (out.get_mut(..length), entry.reply.get(..length)) {
             to.copy_from_slice(reply);
