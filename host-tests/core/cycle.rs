@@ -4,8 +4,8 @@ use crate::bench::{self, VELOCITY, arm_axis, expiry, listed, run_with_host};
 use crate::rig::{Instead, Rig};
 use gateway::{Event, Set};
 use host_protocol::{
-    AxisParameter, AxisState, CycleResult, CycleState, Error, FixedU32, Reply, Request, Setpoint,
-    StateField, StateFields, StopTarget, TripReason, Value, replies, requests,
+    AxisParameter, AxisState, ClearTarget, CycleResult, CycleState, Error, FixedU32, Reply,
+    Request, Setpoint, StateField, StateFields, StopTarget, TripReason, Value, replies, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -79,6 +79,20 @@ fn where_one_axis_may_not_be_armed_none_is() {
     assert_eq!(arm_together(&mut rig, 0b11), Err(not_idle));
     assert_eq!([0, 1].map(|axis| listed(&mut rig, axis)), [AxisState::Idle, AxisState::Armed]);
     assert!(armed != 0);
+}
+
+/// What is refused at once moves nothing: no motor is energised and stopped for it.
+#[test]
+fn where_one_axis_is_busy_nothing_is_sent() {
+    let mut rig = bench::rmd_axes(2);
+    rig.send(&Request::Clear(requests::Clear { target: ClearTarget::Axis(1) }));
+    let since = rig.now_us;
+    assert_eq!(arm_together(&mut rig, 0b11), Err(Error::Busy { axis: 1 }));
+    run_with_host(&mut rig, 50_000);
+    let to_node_1 = |text: &&&str| text.starts_with("141#");
+    assert_eq!(rig.sent_since(0, since).iter().filter(to_node_1).count(), 0);
+    assert_eq!([0, 1].map(|axis| listed(&mut rig, axis)), [AxisState::Idle; 2]);
+    arm_together(&mut rig, 0b11).unwrap();
 }
 
 #[test]
