@@ -2,11 +2,11 @@
 //! to anybody.
 
 use crate::bench::{self, HOLD, VELOCITY, arm_axis, keep_moving, listed, run_with_host};
-use crate::rig::{BOARD_WITHOUT_CAN, Instead, Rig};
-use gateway::Event;
+use crate::rig::{BOARD_AGAIN, BOARD_WITHOUT_CAN, Instead, Rig};
+use gateway::{Event, Gateway};
 use host_protocol::{
     AxisParameter, AxisState, BootReason, BusState, ClearTarget, Error, Incident, Protocol, Reply,
-    Request, StopAction, Trip, TripReason, Value, requests,
+    Request, StopAction, StopTarget, StoredState, Trip, TripReason, Value, requests,
 };
 
 const NODE_2_HOLD: &str = "142#8100000000000000";
@@ -349,4 +349,86 @@ fn on_a_bus_that_the_board_can_no_longer_run_what_moved_is_unreachable_until_it_
     run_with_host(&mut rig, 50_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
     assert!(rig.gateway.enable_output());
+}
+
+/// The same when power comes: what is stored is all that is known of the motors.
+#[test]
+fn a_stored_can_bus_that_the_board_cannot_run_costs_no_stop_on_another() {
+    let mut rig = bench::rmd_axes(1);
+    bench::configure_bus(&mut rig, 2, 115_200, &[Protocol::Rmd]);
+    bench::configure_axis(&mut rig, 2, 2, Protocol::Rmd, 1, StopAction::Coast);
+    let rows = rig.rows();
+    rig.power_on_as(&BOARD_WITHOUT_CAN, &rows);
+    rig.handle(Event::EStopInput { open: false });
+    rig.run(10_000);
+    assert_eq!(rig.sent_since(2, 0)[0], "3E01088000000000000000F369", "RS485 runs");
+    assert_eq!((rig.sent_since(0, 0), rig.gateway.bus_setup(0)), (vec![], None));
+    bench::hello(&mut rig);
+    assert_eq!(axes(&mut rig), [0, 2]);
+    let stored = rig.ask(Request::ReadStored(requests::ReadStored {}));
+    let Ok(Reply::ReadStored(stored)) = stored else { panic!("{stored:?}") };
+    assert_eq!(stored.state, StoredState::Kept { differs: false });
+    assert_eq!(rig.rows(), rows);
+    // It has its clock again.
+    rig.reset();
+    rig.run(1_000);
+    assert!(rig.sent_since(0, 0).contains(&HOLD));
+    assert!(rig.gateway.enable_output());
+}
+
+/// Words that are remembered stand for what is stored elsewhere, so they must be whole by then.
+#[test]
+fn a_reset_in_the_first_event_after_power_came_leaves_what_is_stored_to_be_loaded() {
+    let mut rig = bench::rmd_axes(2);
+    let rows = rig.rows();
+    rig.power_on_as(&BOARD_AGAIN, &rows);
+    let (now, mut words, mut remembered) = (rig.now(), rig.memory.clone(), Vec::new());
+    let mut stored = 0;
+    let event = Event::EStopInput { open: false };
+    rig.gateway.handle(now, event, &mut |index, word| {
+        words[index] = word;
+        stored += 1;
+        if Gateway::is_remembered(&words) {
+            remembered.push((stored, words.clone()));
+        }
+    });
+    assert!(stored > 1_000 && remembered.len() <= 2, "{} of {stored}", remembered.len());
+    for (behind, words) in remembered {
+        rig.memory = words;
+        rig.reset();
+        bench::hello(&mut rig);
+        assert_eq!(axes(&mut rig), [0, 1], "behind {behind} words");
+        let status = rig.ask(Request::GatewayStatus(requests::GatewayStatus {}));
+        let Ok(Reply::GatewayStatus(status)) = status else { panic!("{status:?}") };
+        assert!(!status.e_stop_latched && !status.memory_damaged, "behind {behind} words");
+    }
+}
+
+/// Its motor answers no stop: in one event it trips and is out of reach, and the board is reset
+/// before the history is stored.
+#[test]
+fn an_axis_that_becomes_unreachable_in_the_event_before_a_reset_is_unreachable_after_it() {
+    let stopping = || {
+        let mut rig = moving();
+        rig.instead(|_| Instead::Nothing);
+        rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+        rig
+    };
+    let mut rig = stopping();
+    while rig.gateway.enable_output() {
+        assert!(rig.now_us < 5_000_000, "{:?}", listed(&mut rig, 0));
+        rig.run(100);
+    }
+    let at = rig.now_us;
+    let mut rig = stopping();
+    while rig.now_us + 100 < at {
+        rig.run(100);
+    }
+    rig.now_us = at;
+    rig.take_in(Event::Tick);
+    assert!(!rig.gateway.enable_output(), "nothing stops the motor");
+    rig.reset();
+    assert!(!rig.gateway.enable_output(), "nothing did before");
+    bench::hello(&mut rig);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
 }

@@ -6,7 +6,7 @@ use crate::rig::Rig;
 use gateway::Event;
 use host_protocol::{
     AxisParameter, AxisState, BusState, Change, Error, Event as HostEvent, GatewayParameter,
-    MAX_FRAME, Reply, Request, Setting, StopAction, Value, replies, requests,
+    MAX_FRAME, Reply, Request, Setting, StopAction, Subject, Text, Value, replies, requests,
 };
 
 const LIMIT: u16 = AxisParameter::VelocityLimitRadS.number();
@@ -83,6 +83,68 @@ fn a_reset_that_leaves_some_of_the_changes_as_before_latches_the_e_stop() {
         assert!(cut > 0 || !status.e_stop_latched && !is_new);
     }
     assert!(latched > stored.len() / 2, "{latched} of {}", stored.len());
+}
+
+/// The gateway's link silence and its name lie apart.
+#[test]
+fn a_reset_leaves_silence_and_name_of_the_gateway_both_as_before_or_both_new_or_says_so() {
+    let mut rig = bench::rmd_axes(1);
+    let silence = GatewayParameter::LinkSilenceUs.number();
+    begin(&mut rig);
+    let name = Some(Text::try_from("new").unwrap());
+    let longer = Change::Gateway { parameter: silence, value: Value::Unsigned(900_000) };
+    add(&mut rig, &[longer, Change::Name { of: Subject::Gateway, name }]).unwrap();
+    let before = rig.memory.clone();
+    let mut frame = [0; MAX_FRAME];
+    let request = Request::ApplyChanges(requests::ApplyChanges {});
+    let length = request.encode_frame(0x7000, &mut frame).unwrap();
+    let (now, mut stored) = (rig.now(), Vec::new());
+    let event = Event::HostBytes { link: 0, bytes: &frame[..length] };
+    rig.gateway.handle(now, event, &mut |index, word| stored.push((index, word)));
+    let (mut told, mut whole) = (0, [0; 2]);
+    for cut in 0..=stored.len() {
+        rig.memory.clone_from(&before);
+        for (index, word) in &stored[..cut] {
+            rig.memory[*index] = *word;
+        }
+        rig.reset();
+        hello(&mut rig);
+        let read = requests::ReadGatewayParameter { parameter: silence };
+        let is_longer = match rig.ask(Request::ReadGatewayParameter(read)) {
+            Ok(Reply::ReadGatewayParameter(reply)) => reply.value == Some(Value::Unsigned(900_000)),
+            other => panic!("{other:?}"),
+        };
+        let first = requests::ReadNames { first: Subject::Gateway };
+        let is_named = match rig.ask(Request::ReadNames(first)) {
+            Ok(Reply::ReadNames(list)) => !list.names.is_empty(),
+            other => panic!("{other:?}"),
+        };
+        match rig.ask(Request::GatewayStatus(requests::GatewayStatus {})) {
+            Ok(Reply::GatewayStatus(status)) if status.e_stop_latched => told += 1,
+            _ => {
+                assert_eq!(is_longer, is_named, "behind {cut} words of {}", stored.len());
+                whole[usize::from(is_named)] += 1;
+            }
+        }
+    }
+    assert!(told > 0 && whole.iter().all(|count| *count > 0), "{told} told, {whole:?}");
+}
+
+/// What is refused leaves the list as it was: neither lost nor half of another.
+#[test]
+fn an_axis_that_cannot_be_removed_costs_no_list() {
+    let mut rig = bench::rmd_axes(2);
+    let no_axis = Err(Error::UnknownAxis { axis: 40, max_axes: 32 });
+    let remove = || Request::RemoveAxis(requests::RemoveAxis { axis: 40 });
+    assert_eq!(rig.ask(remove()), no_axis);
+    assert_eq!(add(&mut rig, &[limit(0, Some(5.0))]), Err(Error::NoChangesBegun {}));
+    begin(&mut rig);
+    add(&mut rig, &[limit(0, Some(5.0))]).unwrap();
+    assert_eq!(rig.ask(remove()), no_axis);
+    add(&mut rig, &[limit(1, Some(6.0))]).unwrap();
+    apply(&mut rig).unwrap();
+    let limited = |axis| settings(&mut rig, axis, LIMIT).settings.first().map(|set| set.value);
+    assert_eq!([0, 1].map(limited), [5.0, 6.0].map(|value| Some(Value::Float(value))));
 }
 
 #[test]

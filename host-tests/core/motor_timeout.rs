@@ -61,10 +61,30 @@ fn a_timeout_that_cannot_act_within_60_s_counts_as_off() {
         assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
         assert_eq!(arm_allowing(&mut rig, true, false), Err(Error::MotorTimeoutOff { axis: 0 }));
     }
-    rig.reset();
-    bench::hello(&mut rig);
-    run_with_host(&mut rig, 50_000);
-    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+}
+
+/// A motor without a timeout is none whose timeout is not known: the one permission is not the
+/// other's.
+#[test]
+fn a_timeout_that_is_off_is_off_after_a_reset_of_the_gateway_as_well() {
+    let motors = [(bench::rmd(StopAction::Hold).0, &[0, 60_001][..]), (bench::thruster().0, &[0])];
+    for (mut rig, as_good_as_none) in motors {
+        for off in as_good_as_none.iter().copied() {
+            provision(&mut rig, 400).unwrap();
+            provision(&mut rig, off).unwrap();
+            rig.reset();
+            bench::hello(&mut rig);
+            run_with_host(&mut rig, 50_000);
+            assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
+            let refused = Err(Error::MotorTimeoutOff { axis: 0 });
+            assert_eq!(arm_allowing(&mut rig, true, false), refused);
+        }
+        provision(&mut rig, 400).unwrap();
+        rig.reset();
+        bench::hello(&mut rig);
+        run_with_host(&mut rig, 50_000);
+        assert_ne!(state(&mut rig).motor_timeout, MotorTimeout::Off);
+    }
 }
 
 /// RMD V3.6 §2.30, thruster manual §2.2: the motor may have carried out what it did not answer.

@@ -120,6 +120,17 @@ fn the_stored_row_of_an_axis_has_its_name() {
     assert_eq!(row[..length].last_chunk(), Some(b"\x03\x00\x01\x01g"));
 }
 
+/// Names are one of a kind among buses, and among axes.
+#[test]
+fn the_gateway_keeps_a_name_that_one_of_its_buses_has_too() {
+    let mut rig = bench::rmd_axes(1);
+    let all = [(Subject::Gateway, "left"), (Subject::Bus(0), "left"), (Subject::Axis(0), "left")];
+    change(&mut rig, &all.map(|(of, text)| name(of, Some(text)))).unwrap();
+    rig.reset();
+    bench::hello(&mut rig);
+    assert_eq!(names(&mut rig), all.map(|(of, text)| (of, text.to_owned())));
+}
+
 /// The board is reset behind each word of what is stored for two names and a parameter that change
 /// together: they are as before, as after, or the e-stop says that they are neither.
 #[test]

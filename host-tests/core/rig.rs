@@ -4,11 +4,11 @@
 use crate::copy::Copy;
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
-    Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort, MAX_SNAPSHOT, Outgoing,
-    RETAINED_WORDS, Set, Transmit,
+    Board, BusPort, BusPortKind, Event, Found, Gateway, Instant, LinkPort, MAX_SNAPSHOT,
+    MAX_STORED_ROW, Outgoing, RETAINED_WORDS, STORED_ROWS, Set, Transmit,
 };
 use host_protocol::{
-    BootReason, BusLimit, BusState, CanFrame, CycleEvent, CycleMessage, Deframer, Error,
+    BootReason, BusLimit, BusState, CHECKSUM, CanFrame, CycleEvent, CycleMessage, Deframer, Error,
     Event as HostEvent, EventMessage, Kind, MAX_FRAME, Reply, Request,
 };
 
@@ -179,6 +179,39 @@ impl Rig {
 
     /// The same, and the board offers something else than before.
     pub fn reset_as(&mut self, board: &'static Board) {
+        self.begin_again(board);
+        self.gateway.restore(self.now(), &self.memory);
+        self.handle(Event::EStopInput { open: false });
+    }
+
+    /// What is stored where the running configuration is.
+    pub fn rows(&self) -> Vec<Vec<u8>> {
+        let row = |row| {
+            let mut bytes = [0; MAX_STORED_ROW];
+            let length = self.gateway.stored_row(row, &mut bytes);
+            bytes[..length].to_vec()
+        };
+        (0..STORED_ROWS).map(row).filter(|row| !row.is_empty()).collect()
+    }
+
+    /// Power comes, and with it a configuration that was stored; the gateway has heard of nothing
+    /// yet.
+    pub fn power_on_as(&mut self, board: &'static Board, rows: &[Vec<u8>]) {
+        self.memory.fill(0x5A5A_5A5A);
+        self.begin_again(board);
+        let sums = rows.iter().map(|row| CHECKSUM.checksum(row));
+        let digest = sums.fold(0, u32::wrapping_add);
+        let mut rows = rows.iter();
+        let mut next = |out: &mut [u8; MAX_STORED_ROW]| {
+            let row = rows.next()?;
+            out[..row.len()].copy_from_slice(row);
+            Some(Ok(row.len()))
+        };
+        self.gateway.load(self.now(), &[], Found::Rows { digest }, &mut next);
+        self.gateway.restore(self.now(), &[]);
+    }
+
+    fn begin_again(&mut self, board: &'static Board) {
         self.replace_gateway(Gateway::new(board, Some(0x8000_0000)));
         self.named = Set::ALL;
         self.now_us = 500;
@@ -188,8 +221,6 @@ impl Rig {
         self.deframer = Deframer::new();
         self.wire.clear();
         self.said.clear();
-        self.gateway.restore(self.now(), &self.memory);
-        self.handle(Event::EStopInput { open: false });
     }
 
     /// Another gateway is in its place, which nobody has copied.

@@ -11,7 +11,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use gateway::{Found, MAX_STORED_ROW, STORED_ROWS, SaveError};
 use host_protocol::replies::StoredReport;
 use host_protocol::{
-    AxisParameter, AxisState, BootReason, BusConfig, Change, ClearTarget, Error, Protocol,
+    AxisParameter, AxisState, BootReason, BusConfig, Bytes, Change, ClearTarget, Error, Protocol,
     ProtocolSet, StopAction, StopTarget, StoredState, Subject, Text, Value,
 };
 use mgw_client::{Client, ClientError};
@@ -325,6 +325,43 @@ fn names_are_stored_with_what_they_name() {
     let names = bench.client.names().unwrap();
     let names: Vec<_> = names.iter().map(|named| (named.of, named.name.as_str())).collect();
     assert_eq!(names, subjects);
+}
+
+/// SR (thruster manual §2.5): the gateway counts from then on what the motor sends by itself.
+#[test]
+fn what_a_native_command_changes_of_a_row_is_stored_with_it() {
+    let mut bench = Bench::new(storage(None).unwrap());
+    bench.configure();
+    let set = |parameter: AxisParameter, value| Change::Axis {
+        axis: 1,
+        parameter: parameter.number(),
+        value: Some(Value::Unsigned(value)),
+    };
+    bench.client.begin_changes().unwrap();
+    bench
+        .client
+        .add_changes(&[
+            set(AxisParameter::Bus, 0),
+            set(AxisParameter::Protocol, Protocol::Thruster as u32),
+            set(AxisParameter::Node, 0x0B),
+            set(AxisParameter::StopAction, StopAction::Coast as u32),
+        ])
+        .unwrap();
+    bench.client.apply_changes().unwrap();
+    bench.rest();
+    bench.client.save_configuration().unwrap();
+    let stream = Bytes::from_slice(&[0x53, 0x52, 0, 0, 0, 1, 0, 100]).unwrap();
+    for differs in [true, false] {
+        bench.client.native(1, 0, stream.clone(), Duration::from_millis(100)).unwrap();
+        assert_eq!(bench.stored(), StoredState::Kept { differs });
+        bench.client.save_configuration().unwrap();
+        assert_eq!(bench.stored(), StoredState::Kept { differs: false });
+    }
+    bench.start(BootReason::PowerOn);
+    bench.rest();
+    assert_eq!((bench.stored(), bench.axes()), (StoredState::Kept { differs: false }, 2));
+    let word = bench.client.read_axis_parameter(1, AxisParameter::Stream).unwrap();
+    assert_eq!(word, Some(Value::Unsigned(0x0001_0064)));
 }
 
 #[test]

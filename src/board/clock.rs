@@ -13,7 +13,7 @@ use crate::watchdog;
 /// watchdog runs.
 const WAIT_US: u32 = 20_000;
 /// How often so long after the power came, half a second: the clock may come from a chip that
-/// starts, too, and no motor is configured.
+/// starts, too.
 const WAITS_AFTER_POWER_ON: usize = 25;
 const POLLS_PER_SECOND: u32 = 20_000;
 const HZ_PER_MHZ: u32 = 1_000_000;

@@ -50,7 +50,7 @@ pub async fn supervisor(gateway: &'static SharedGateway) -> ! {
         // Nothing else may tell of these: the level of the contact, and how a bus is.
         watchdog::ask(TaskId::E_STOP);
         gateway.look_at_can();
-        if !lasts && Instant::now() >= Instant::MIN + starts::LASTED {
+        if !lasts && !gateway.is_bare() && Instant::now() >= Instant::MIN + starts::LASTED {
             lasts = true;
             starts::lasted();
         }

@@ -59,7 +59,7 @@ impl Axis {
             self.check_ack_level(level)?;
         }
         if let Some(on) = seen.timeout_on {
-            self.motor_timeout = if on { MotorTimeout::Verified } else { MotorTimeout::Off };
+            self.timeout_is(if on { MotorTimeout::Verified } else { MotorTimeout::Off });
         }
         if exchange == Exchange::BrakeSwitch && seen.brake_locked == Some(true) {
             return Err(Error::BrakeOn { axis });

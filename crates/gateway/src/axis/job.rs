@@ -503,7 +503,18 @@ impl Axis {
 
     /// From now on the motor sends these frames by itself (`stream`).
     pub fn set_stream(&mut self, word: u32) -> Result<(), Error> {
-        self.is_unsaved = true;
+        (self.is_unsaved, self.told_to_stream) = (true, true);
         self.config.set(AxisParameter::Stream, Value::Unsigned(word))
+    }
+
+    /// Whether its configuration has changed by what its motor was told, and the row of it has still
+    /// to be [measured](Self::stream_is_measured).
+    pub fn is_told_to_stream(&self) -> bool {
+        self.told_to_stream
+    }
+
+    /// That is done.
+    pub fn stream_is_measured(&mut self) {
+        self.told_to_stream = false;
     }
 }

@@ -98,6 +98,7 @@ pub(crate) struct Axis {
     evidence: Evidence,
     /// What outlives a reset of the gateway has changed and has still to be saved.
     is_unsaved: bool,
+    told_to_stream: bool,
     pub telemetry: Telemetry,
 }
 
@@ -128,6 +129,7 @@ impl Axis {
             write_waits: false,
             evidence: Evidence::NONE,
             is_unsaved: false,
+            told_to_stream: false,
             telemetry: Telemetry::NONE,
         }
     }

@@ -33,6 +33,7 @@ impl Axis {
             write_waits,
             evidence,
             is_unsaved,
+            told_to_stream,
             telemetry,
         } = self;
         match piece {
@@ -46,7 +47,7 @@ impl Axis {
             }
             _ => {
                 let timeout = (motor_timeout, written_timeout_ms, heard_at, run_time);
-                let flags = (restart_owed, write_waits, evidence, is_unsaved);
+                let flags = (restart_owed, write_waits, evidence, is_unsaved, told_to_stream);
                 (angle, timeout, flags, telemetry).serialize(to)
             }
         }

@@ -9,8 +9,9 @@ use host_protocol::{AxisParameter, Error, MotorTimeout};
 
 /// A timeout that acts later than this counts as off (GUARANTEES G1).
 const LONGEST_TIMEOUT_MS: u32 = 60_000;
-/// Bit of the retained word beside the timeout, which never reaches it.
+/// Bits of the retained word beside the timeout, which never reaches them.
 const RESTART_OWED: u32 = 1 << 31;
+const TIMEOUT_OFF: u32 = 1 << 30;
 
 /// The power of a motor that was not heard for so long may have been off (GUARANTEES G1).
 const POWER_MAY_HAVE_BEEN_OFF: Duration = Duration::from_millis(1_000);
@@ -88,7 +89,7 @@ impl Axis {
 
     /// The motor is about to be changed: what was known of its timeout may no longer hold.
     pub fn forget_motor_timeout(&mut self) {
-        self.motor_timeout = MotorTimeout::Unknown;
+        self.timeout_is(MotorTimeout::Unknown);
         self.is_unsaved |= core::mem::take(&mut self.written_timeout_ms) != 0;
     }
 
@@ -107,15 +108,21 @@ impl Axis {
     pub(super) fn provisioning(&mut self, timeout_ms: u32) {
         self.forget_motor_timeout();
         if is_as_good_as_none(timeout_ms) {
-            self.motor_timeout = MotorTimeout::Off;
+            self.timeout_is(MotorTimeout::Off);
         }
+    }
+
+    /// This is known of the timeout now.
+    pub(super) fn timeout_is(&mut self, known: MotorTimeout) {
+        let before = core::mem::replace(&mut self.motor_timeout, known);
+        self.is_unsaved |= (before == MotorTimeout::Off) != (known == MotorTimeout::Off);
     }
 
     /// The motor has taken a timeout. It was read back that it is on, or counts as long as
     /// written.
     pub(super) fn provisioned(&mut self, timeout_ms: u32) {
         self.forget_motor_timeout();
-        self.motor_timeout = match timeout_ms {
+        let known = match timeout_ms {
             0 => MotorTimeout::Off,
             _ if self.tells_whether_on() => MotorTimeout::Verified,
             other if is_as_good_as_none(other) => MotorTimeout::Off,
@@ -125,12 +132,16 @@ impl Axis {
                 MotorTimeout::Written { timeout_ms }
             }
         };
+        self.timeout_is(known);
     }
 
     /// What outlives a reset of the gateway: the timeout last written to the motor, ms, 0 where
-    /// none is known; and whether it owes a restart, in the highest bit.
+    /// none is known; and in the highest bits whether it owes a restart, and whether its timeout is
+    /// known to be off.
     pub fn told_word(&self) -> u32 {
-        self.written_timeout_ms | if self.owes_restart() { RESTART_OWED } else { 0 }
+        let bit = |so, bit| if so { bit } else { 0 };
+        let is_off = self.motor_timeout == MotorTimeout::Off;
+        self.written_timeout_ms | bit(self.owes_restart(), RESTART_OWED) | bit(is_off, TIMEOUT_OFF)
     }
 
     /// Whether what outlives a reset of the gateway has still to be saved.
@@ -145,12 +156,16 @@ impl Axis {
 
     /// What was written before the gateway was reset. The motor's power may have been off since, so
     /// it is believed at once where the motor stores it; elsewhere arming writes it again, and
-    /// until then it only says how long a silence must be for it to act.
+    /// until then it only says how long a silence must be for it to act. That it is off is believed
+    /// of every motor.
     pub fn told_before_reset(&mut self, word: u32) {
         if word & RESTART_OWED != 0 {
             self.set_restart_owed(true);
         }
-        let timeout_ms = word & !RESTART_OWED;
+        if word & TIMEOUT_OFF != 0 {
+            self.motor_timeout = MotorTimeout::Off;
+        }
+        let timeout_ms = word & !(RESTART_OWED | TIMEOUT_OFF);
         if is_as_good_as_none(timeout_ms) {
             return;
         }

@@ -205,8 +205,8 @@ impl Gateway {
             return;
         }
         self.names.set(row, words);
-        let rows = if AXIS_ROWS.contains(&row) { AXIS_ROWS } else { BUS_ROWS };
-        if self.check_name(row, &rows).is_err() {
+        let rows = [BUS_ROWS, AXIS_ROWS].into_iter().find(|rows| rows.contains(&row));
+        if rows.is_some_and(|rows| self.check_name(row, &rows).is_err()) {
             self.names.set(row, NameWords::default());
         }
     }

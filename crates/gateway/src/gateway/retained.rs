@@ -22,6 +22,7 @@ use crate::bus_rules;
 use crate::config::AxisConfig;
 use crate::gateway::Gateway;
 use crate::gateway::names::{NAME_WORDS, NameWords};
+use crate::gateway::requests::Result;
 use crate::gateway::stored::{AXIS_ROWS, BUS_ROWS};
 use crate::history::{History, INCIDENTS};
 use crate::log::LogEntry;
@@ -142,9 +143,8 @@ impl Retention {
     /// word.
     fn prepare(&mut self, store: Store<'_>) {
         match self.memory {
-            Memory::Foreign => layout::make_ours(store),
+            Memory::Foreign => layout::clear(store),
             Memory::Restored { .. } => {
-                layout::mark(store);
                 for index in (0..INCIDENTS).filter(|index| self.lost_incidents.has(*index)) {
                     let place = Place::Incident(index);
                     store(WRITING_AT, place.writing());
@@ -152,9 +152,17 @@ impl Retention {
                 }
                 store(WRITING_AT, 0);
             }
-            Memory::Ours => return,
+            Memory::Ours => {}
         }
-        self.memory = Memory::Ours;
+    }
+
+    /// What the memory holds can be read from now on: a mark that came before it would speak for
+    /// what is not there yet, and what is stored elsewhere would not be looked for.
+    fn make_ours(&mut self, store: Store<'_>) {
+        if self.memory != Memory::Ours {
+            layout::mark(store);
+            self.memory = Memory::Ours;
+        }
     }
 
     fn write_states(&mut self, states: States, store: Store<'_>) {
@@ -203,6 +211,7 @@ impl Gateway {
         let unrecorded = self.axes.which(Is::Tripped).without(states.tripped);
         self.retention.is_complete = !self.history.has_unsaved() && unrecorded.is_empty();
         self.retention.write_states(states, store);
+        self.retention.make_ours(store);
     }
 
     /// Whether [`save_some`](Self::save_some) has something to store.
@@ -269,7 +278,7 @@ impl Gateway {
             // What holds goes on holding: after a reset each axis is sent its stop action.
             moving: which(Is::Moving).with(self.unstopped.axes()).without(tripped),
             tripped,
-            unreachable: which(Is::Unreachable).and(tripped),
+            unreachable: which(Is::Unreachable),
             flags: if self.e_stopped { E_STOPPED } else { 0 },
             silence_us: self.authority.silence().as_micros_u32(),
         }
@@ -342,18 +351,25 @@ impl Gateway {
             else {
                 continue;
             };
-            if let Some(unserved) = self.buses.get_mut(index).filter(|bus| bus.is_unserved()) {
-                let bitrates = [config.bitrate];
-                if bus_rules::check_bus_config(bus, unserved.kind(), &bitrates, &config).is_ok() {
-                    unserved.restore_unserved(config, &self.axes);
-                    self.restore_name(Subject::Bus(bus), name);
-                }
-                continue;
-            }
             // One that this firmware refuses is left unconfigured, and its axes with it.
-            let _ = self.change(now, &Change::Bus { bus, config: Some(config) });
+            if self.restore_unserved(bus, config).is_none() {
+                let _ = self.change(now, &Change::Bus { bus, config: Some(config) });
+            }
             self.restore_name(Subject::Bus(bus), name);
         }
+    }
+
+    /// Takes over the configuration of a bus that the board cannot run now, where it is one of
+    /// those, so that its axes stay known. Its bitrate is not offered now either.
+    pub(super) fn restore_unserved(&mut self, bus: u8, config: BusConfig) -> Option<Result<()>> {
+        let unserved = self.buses.get_mut(usize::from(bus)).filter(|bus| bus.is_unserved())?;
+        let bitrates = [config.bitrate];
+        let fits = bus_rules::check_bus_config(bus, unserved.kind(), &bitrates, &config);
+        if fits.is_ok() {
+            unserved.restore_unserved(config, &self.axes);
+            self.retention.bus_changed(bus);
+        }
+        Some(fits)
     }
 
     fn restore_axes(&mut self, words: &[u32]) {
@@ -378,13 +394,9 @@ impl Gateway {
             let was_tripped = states.tripped.has(axis.index);
             if was_tripped || states.moving.has(axis.index) {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
-                let unreachable = was_tripped && states.unreachable.has(axis.index);
-                axis.trip_after_reset(
-                    now,
-                    known.unwrap_or(TripReason::Reset),
-                    unreachable,
-                    &mut out,
-                );
+                let reason = known.unwrap_or(TripReason::Reset);
+                let unreachable = states.unreachable.has(axis.index);
+                axis.trip_after_reset(now, reason, unreachable, &mut out);
                 if unserved(axis) {
                     axis.stop_not_sent(now, &mut out);
                 }

@@ -6,6 +6,7 @@
 use super::Gateway;
 use super::requests::{Authority, Result};
 use super::retained::is_remembered;
+use crate::axis::Axis;
 use crate::outbox::Ticket;
 use crate::port::{Found, Save, SaveError};
 use crate::set::Set;
@@ -17,6 +18,7 @@ use host_protocol::{
     StoredState, Subject, class, replies,
 };
 use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 
 /// Rows of a configuration: the gateway, its buses, its axes.
 pub const STORED_ROWS: usize = AXIS_ROWS.end;
@@ -40,9 +42,10 @@ pub type NextRow<'a> = &'a mut dyn FnMut(&mut [u8; MAX_STORED_ROW]) -> Option<Re
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Stored {
     state: State,
-    /// The digest of the running configuration: the sum of the checksums of its rows. So a row that
+    /// The checksum of each row of the running configuration, 0 where it is empty. So a row that
     /// changes costs a look at that row.
-    running: u32,
+    #[serde(with = "BigArray")]
+    rows: [u32; STORED_ROWS],
     /// Who waits for what is being stored.
     saving: Option<Saving>,
 }
@@ -62,7 +65,7 @@ struct Saving {
 
 impl Stored {
     pub const fn new() -> Self {
-        Self { state: State::Found(Found::NoStorage), running: 0, saving: None }
+        Self { state: State::Found(Found::NoStorage), rows: [0; STORED_ROWS], saving: None }
     }
 
     /// Whether something is to be stored that nobody has taken yet.
@@ -75,9 +78,9 @@ impl Stored {
         self.saving.is_some()
     }
 
-    /// The digests of the same rows before and after a change.
-    pub fn changed(&mut self, before: u32, after: u32) {
-        self.running = self.running.wrapping_sub(before).wrapping_add(after);
+    /// The digest of the running configuration: the sum of the checksums of its rows.
+    fn running(&self) -> u32 {
+        self.rows.iter().fold(0, |sum, row| sum.wrapping_add(*row))
     }
 }
 
@@ -97,11 +100,10 @@ impl Gateway {
     /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
     /// [`ReadStored`](Request::ReadStored) says so.
     pub fn load(&mut self, now: Instant, words: &[u32], found: Found, next: NextRow<'_>) {
-        self.stored.running = self.digest_of(Set::ALL, Set::ALL, true);
         self.stored.state = State::Found(found);
-        let Found::Rows { digest } = found else { return };
+        let Found::Rows { digest } = found else { return self.measure_configuration() };
         if is_remembered(words) {
-            return;
+            return self.measure_configuration();
         }
         let mut row = [0; MAX_STORED_ROW];
         let mut state = State::Found(found);
@@ -111,7 +113,8 @@ impl Gateway {
                 None => State::Found(Found::Damaged),
             };
         }
-        if matches!(state, State::Found(Found::Rows { .. })) && self.stored.running != digest {
+        self.measure_configuration();
+        if matches!(state, State::Found(Found::Rows { .. })) && self.stored.running() != digest {
             state = State::Found(Found::Damaged);
         }
         if !matches!(state, State::Found(Found::Rows { .. })) {
@@ -129,7 +132,11 @@ impl Gateway {
             let Ok((change, rest)) = postcard::take_from_bytes::<Change>(row) else {
                 return Some(State::Found(Found::Damaged));
             };
-            if let Err(error) = self.add_changes(&[change]) {
+            let unserved = match &change {
+                Change::Bus { bus, config: Some(config) } => self.restore_unserved(*bus, *config),
+                _ => None,
+            };
+            if let Err(error) = unserved.unwrap_or_else(|| self.add_changes(&[change])) {
                 return refused(error);
             }
             row = rest;
@@ -195,29 +202,40 @@ impl Gateway {
         length
     }
 
-    /// The sum of the checksums of rows.
-    fn digest_of(&self, buses: Set, axes: Set, gateway: bool) -> u32 {
+    /// Works out the checksums of rows anew.
+    fn measure(&mut self, buses: Set, axes: Set, gateway: bool) {
         let mut bytes = [0; MAX_STORED_ROW];
-        let of_row = |row: usize| {
-            let length = self.stored_row(row, &mut bytes);
-            let row = bytes.get(..length).filter(|row| !row.is_empty());
-            row.map_or(0, |row| CHECKSUM.checksum(row))
-        };
         let gateway = gateway.then_some(0).into_iter();
         let buses = (0..MAX_BUSES).filter(|bus| buses.has(*bus)).map(|bus| bus + BUS_ROWS.start);
         let axes = (0..MAX_AXES).filter(|axis| axes.has(*axis)).map(|axis| axis + AXIS_ROWS.start);
-        gateway.chain(buses).chain(axes).map(of_row).fold(0, u32::wrapping_add)
+        for row in gateway.chain(buses).chain(axes) {
+            let length = self.stored_row(row, &mut bytes);
+            let of_it = bytes.get(..length).filter(|row| !row.is_empty());
+            if let Some(checksum) = self.stored.rows.get_mut(row) {
+                *checksum = of_it.map_or(0, |row| CHECKSUM.checksum(row));
+            }
+        }
     }
 
-    /// The same of the rows that the open list of changes changes.
-    pub(crate) fn digest_of_changed(&self) -> u32 {
+    /// Those of the rows that the open list of changes has changed.
+    pub(crate) fn measure_changed(&mut self) {
         let draft = &self.draft;
-        self.digest_of(draft.bus_rows(), draft.axis_rows(), draft.changes_gateway())
+        self.measure(draft.bus_rows(), draft.axis_rows(), draft.changes_gateway());
     }
 
-    /// The digest of what runs, from the beginning: what a reset has left came another way.
+    /// All of them: what a reset has left came another way.
     pub(crate) fn measure_configuration(&mut self) {
-        self.stored.running = self.digest_of(Set::ALL, Set::ALL, true);
+        self.measure(Set::ALL, Set::ALL, true);
+    }
+
+    /// The digest of the running configuration, with what motors have been told meanwhile.
+    fn running(&mut self) -> u32 {
+        let told = self.axes.those(Set::ALL, Axis::is_told_to_stream);
+        if !told.is_empty() {
+            self.axes.each(told, Axis::stream_is_measured);
+            self.measure(Set::NONE, told, false);
+        }
+        self.stored.running()
     }
 
     /// Has the running configuration stored, or what is stored forgotten.
@@ -228,8 +246,12 @@ impl Gateway {
             _ => {}
         }
         self.check_at_rest()?;
-        debug_assert_eq!(self.stored.running, self.digest_of(Set::ALL, Set::ALL, true));
-        let save = if keep { Save::Rows { digest: self.stored.running } } else { Save::Nothing };
+        let digest = self.running();
+        if cfg!(debug_assertions) {
+            self.measure_configuration();
+            assert_eq!(digest, self.stored.running(), "a row has changed unnoticed");
+        }
+        let save = if keep { Save::Rows { digest } } else { Save::Nothing };
         self.store(save, ticket);
         Ok(())
     }
@@ -258,8 +280,12 @@ impl Gateway {
     /// While something is stored the configuration stays as it is, and nothing begins to move: the
     /// flash may hold the processor up.
     pub(crate) fn refuse_while_saving(&self, request: &Request) -> Result<()> {
-        let waits = || request.is(class::BEGINS | class::CHANGES);
-        if self.stored.is_saving() && waits() { Err(Error::Saving {}) } else { Ok(()) }
+        if request.is(class::BEGINS | class::CHANGES) { self.refuse_saving() } else { Ok(()) }
+    }
+
+    /// The same of what is one of those requests by its bytes.
+    pub(crate) fn refuse_saving(&self) -> Result<()> {
+        if self.stored.is_saving() { Err(Error::Saving {}) } else { Ok(()) }
     }
 
     /// What was to be stored is, or could not be.
@@ -293,14 +319,15 @@ impl Gateway {
         }
     }
 
-    pub(crate) fn stored_report(&self) -> replies::StoredReport {
+    pub(crate) fn stored_report(&mut self) -> replies::StoredReport {
+        let running = self.running();
         let state = match self.stored.state {
             State::Refused { error } => StoredState::Refused { error },
             State::Found(Found::NoStorage) => StoredState::NoStorage,
             State::Found(Found::SingleBank) => StoredState::SingleBank,
             State::Found(Found::Nothing) => StoredState::Nothing,
             State::Found(Found::Rows { digest }) => {
-                StoredState::Kept { differs: digest != self.stored.running }
+                StoredState::Kept { differs: digest != running }
             }
             State::Found(Found::Damaged) => StoredState::Damaged,
             State::Found(Found::OtherLayout { layout }) => StoredState::OtherLayout { layout },

@@ -6,7 +6,9 @@ use super::*;
 fn one_word_of_the_mark_may_be_damaged() {
     let mut words = [7; RETAINED_WORDS];
     assert!(!is_ours(&words));
-    make_ours(&mut |index, word| words[index] = word);
+    clear(&mut |index, word| words[index] = word);
+    assert!(!is_ours(&words));
+    mark(&mut |index, word| words[index] = word);
     assert!(is_ours(&words));
     assert_eq!(words[..4], [0x4D47_5752, LAYOUT, !LAYOUT, 0]);
     for index in 0..3 {

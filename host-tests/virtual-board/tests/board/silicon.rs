@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use host_protocol::Bytes;
+use host_protocol::{AxisParameter, Bytes, Value};
 use rigless::device::Level;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
@@ -161,6 +161,19 @@ fn a_fault_that_comes_back_at_each_start_ends_in_a_run_without_configuration() {
         ),
         "{words}"
     );
+    // A crash of this run, however late, is no way out: nobody would know any more than before.
+    lab.run_for(Duration::from_secs(11));
+    lab.client.take_authority().expect("authority");
+    let _ = lab.client.configure_axis(0, AxisParameter::Bus, Value::Unsigned(0));
+    {
+        let mut machine = lab.machine.borrow_mut();
+        machine.run_for(Duration::from_millis(500));
+        assert_eq!(machine.reports().resets.len(), 2 + FAILED_STARTS);
+        assert_eq!(machine.enable_output().driven(), Some(Level::Low), "as before the crash");
+    }
+    lab.client.reconnect().expect("hello");
+    let words = lab.client.crash_report().expect("a text");
+    assert!(words.starts_with("started without configuration"), "{words}");
     // The pin starts the count anew; what was configured is gone.
     lab.machine.borrow_mut().reset_by_pin();
     lab.run_for(START);

@@ -47,9 +47,10 @@ impl Gateway {
     }
 
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<()> {
+        let config = self.axis(axis)?.config.clone();
         self.draft.open();
         for parameter in AxisParameter::ALL.iter().copied() {
-            if self.axis(axis)?.config.is_set(parameter) {
+            if config.is_set(parameter) {
                 self.draft.set_parameter(axis, parameter, None)?;
             }
         }
@@ -130,7 +131,6 @@ impl Gateway {
             return Err(Error::NoChangesBegun {});
         }
         let reach = self.check_states()?;
-        let before = self.digest_of_changed();
         let Self { draft, axes, buses, names, .. } = self;
         draft.exchange(axes, buses, names);
         if let Err(error) = self.check_changed().and_then(|()| self.check_names()) {
@@ -139,8 +139,7 @@ impl Gateway {
             return Err(error);
         }
         self.take_changes_over(now, &reach);
-        let after = self.digest_of_changed();
-        self.stored.changed(before, after);
+        self.measure_changed();
         Ok(())
     }
 

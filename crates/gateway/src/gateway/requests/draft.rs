@@ -207,9 +207,11 @@ impl Draft {
         buses
     }
 
-    /// How many axes, buses and gateways change.
+    /// How many axes and buses change, and of the gateway its silence and its name, which a reset
+    /// can part.
     pub fn rows(&self) -> u32 {
-        self.axis_rows().len() + self.bus_rows().len() + u32::from(self.changes_gateway())
+        let of_gateway = u32::from(self.silence.is_some()) + u32::from(self.names_gateway());
+        self.axis_rows().len() + self.bus_rows().len() + of_gateway
     }
 
     /// What a bus becomes; nothing where it does not change.

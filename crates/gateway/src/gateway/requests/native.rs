@@ -115,6 +115,8 @@ impl Gateway {
         native: Native,
         ticket: Ticket,
     ) -> Result<()> {
+        self.authority.check(ticket)?;
+        self.refuse_saving()?;
         self.authority.take(now, ticket)?;
         if let Effect::Changes { .. } = native.effect {
             self.refuse_e_stopped(index)?;

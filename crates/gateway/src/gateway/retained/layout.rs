@@ -19,7 +19,7 @@ pub(super) const SLOTS: usize = 1 + MAX_AXES + MAX_BUSES + INCIDENTS + 1;
 const MARK: [u32; 3] = [0x4D47_5752, LAYOUT, !LAYOUT];
 
 /// Changed by hand where words get another meaning and every declaration stays as it is.
-const MEANING: u32 = 5;
+const MEANING: u32 = 6;
 
 /// Names the words: how many slots there are of each kind, and what is in one.
 const LAYOUT: u32 = layout_of(
@@ -118,10 +118,9 @@ pub(super) fn is_ours(words: &[u32]) -> bool {
         && words.iter().zip(MARK).filter(|(word, mark)| **word == *mark).count() >= MARK_QUORUM
 }
 
-/// Makes words of any memory ours: nothing is in them, and the mark comes last.
-pub(super) fn make_ours(store: Store<'_>) {
+/// Makes words of any memory such that nothing is in them.
+pub(super) fn clear(store: Store<'_>) {
     (0..RETAINED_WORDS).for_each(|index| store(index, 0));
-    mark(store);
 }
 
 /// Writes the mark.

@@ -20,7 +20,7 @@ pub(super) struct States {
     pub moving: Set,
     /// Axes that are tripped.
     pub tripped: Set,
-    /// Those of the tripped axes whose motor counts as unreachable.
+    /// Those of the axes whose motor counts as unreachable.
     pub unreachable: Set,
     pub flags: u32,
     /// Silence of the host in command that trips, µs.
