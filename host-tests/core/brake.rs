@@ -237,3 +237,27 @@ fn an_e_stop_while_the_brake_is_being_locked_is_sent_in_less_than_200_ms() {
     run_with_host(&mut rig, 200_000);
     assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
 }
+
+/// The brake answers 0x78 and shows itself open (§2.12.3), or does not show itself at all.
+#[test]
+fn a_brake_that_is_not_seen_to_lock_is_followed_by_the_stop_in_less_than_200_ms() {
+    for shows in [Instead::Says("241#9A320001E5010000"), Instead::Nothing] {
+        let (mut rig, _) = bench::rmd(StopAction::Brake);
+        let answer =
+            move |text: &str| if text.starts_with("141#9A") { shows } else { Instead::AsUsual };
+        move_axis(&mut rig, VELOCITY);
+        rig.instead(answer);
+        let since = rig.now_us;
+        stop(&mut rig);
+        run_with_host(&mut rig, 400_000);
+        let sent = rig.sent_since(0, since);
+        assert!(sent.iter().filter(|text| **text == LOCK).count() > 1, "{sent:?}");
+        let gap = rig.longest_gap_us(0, since, HOLD);
+        assert!(gap < 200_000, "{shows:?}: {gap} µs without the stop: {sent:?}");
+        // An e-stop in between adds nothing that comes later than that.
+        let since = rig.now_us;
+        e_stop(&mut rig);
+        run_with_host(&mut rig, 200_000);
+        assert!(rig.sent_since(0, since).contains(&HOLD));
+    }
+}

@@ -3,7 +3,8 @@
 use crate::bench::{self, arm, run_with_host, setpoint};
 use crate::rig::Instead;
 use host_protocol::{
-    AxisParameter, Error, Protocol, Quantity, Setpoint, StopAction, TripReason, Value,
+    AxisParameter, Error, Protocol, Quantity, Request, Setpoint, StateField, StateFields,
+    StopAction, TripReason, Value, requests,
 };
 
 fn impedance(position_rad: f32, torque_nm: f32) -> Setpoint {
@@ -97,4 +98,43 @@ fn there_is_no_motion_mode_on_rs485() {
     let epoch = arm(&mut rig);
     let request = setpoint(&rig, epoch, 80_000, impedance(0.0, 0.0));
     assert_eq!(rig.ask(request), Err(Error::Unsupported { axis: 0, protocol: Protocol::Rmd }));
+}
+
+/// In motion mode the motor tells velocity and torque (§5.4): its current is read all the same,
+/// however often it answers.
+#[test]
+fn the_current_of_a_motor_in_motion_mode_is_read_and_limited() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    bench::parameter(&mut rig, 0, AxisParameter::CurrentLimitA, Value::Float(2.0));
+    let epoch = arm(&mut rig);
+    // 20 A (§2.13).
+    rig.instead(|text| match text {
+        REQUEST => Instead::Says(REPLY),
+        "141#9C00000000000000" => Instead::Says("241#9C32D00700000000"),
+        _ => Instead::AsUsual,
+    });
+    bench::keep_moving(&mut rig, &[(0, epoch)], impedance(10.0, 10.0), 200_000);
+    let reason = bench::state(&mut rig).trip.map(|trip| trip.reason);
+    let exceeded = matches!(
+        reason,
+        Some(TripReason::LimitExceeded { quantity: Quantity::Current, value, .. }) if value == 20.0
+    );
+    assert!(exceeded, "{reason:?}");
+}
+
+/// A free-running cycle reads what the reply to the setpoint does not tell.
+#[test]
+fn a_cycle_reads_the_current_of_a_motor_in_motion_mode_in_each_period() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    rig.instead(|text| if text == REQUEST { Instead::Says(REPLY) } else { Instead::AsUsual });
+    let epoch = arm(&mut rig);
+    let fields = StateFields::of(&[StateField::Current]);
+    let cycle = requests::RunCycle { axes: 1, fields, period_us: 5_000 };
+    rig.ask(Request::RunCycle(cycle)).unwrap();
+    let since = rig.now_us;
+    bench::keep_moving(&mut rig, &[(0, epoch)], impedance(10.0, 10.0), 100_000);
+    let sent = rig.sent_since(0, since);
+    let count = |wanted: &str| sent.iter().filter(|text| **text == wanted).count();
+    assert!((18..=22).contains(&count(REQUEST)), "{sent:?}");
+    assert!((18..=22).contains(&count("141#9C00000000000000")), "{sent:?}");
 }

@@ -52,6 +52,9 @@ fn a_restart_is_told_once_waited_out_and_seen_and_the_silence_counts_as_no_misse
     assert!(first(ASK) < first(TELL) && first(TELL) < last(ASK));
     assert!(last(ASK) < last("141#9A00000000000000"), "{sent:?}");
     assert_eq!(sent.iter().filter(|text| **text == TELL).count(), 1);
+    // It has switched its output off: it holds by a stop that it has heard since.
+    let stops = |text: &&&str| **text == bench::HOLD;
+    assert!(sent[last("141#9A00000000000000")..].iter().filter(stops).count() >= 2, "{sent:?}");
     let is_unreachable = |event: &host_protocol::Event| {
         matches!(event, host_protocol::Event::AxisUnreachable { .. })
     };

@@ -453,9 +453,13 @@ impl Axis {
                 self.end_job(now, &done, out);
             }
             JobKind::Restart(_) => {
-                self.cleared(now, out);
+                self.cleared_by_restart(now, out);
                 let done = Reply::ClearByRestart(Done {});
                 self.end_job(now, &done, out);
+                // Its stop switches it on again.
+                if self.holds_after_stop() {
+                    self.halt(now, out);
+                }
             }
             JobKind::OutputOff => {
                 self.enter_rest(now, false, out);

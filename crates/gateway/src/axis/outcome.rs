@@ -4,7 +4,7 @@ use super::Axis;
 use super::state::State;
 use crate::measured::Observation;
 use crate::outbox::Outbox;
-use crate::protocol::{Command, Exchange, Info, Received, Sets, Unasked};
+use crate::protocol::{self, Command, Exchange, Info, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
 use crate::transaction::{Match, MotionMark, Outcome, Transaction};
 use host_protocol::{CycleResult, TripReason};
@@ -284,7 +284,10 @@ impl Axis {
                 armed.echo.was_echoed &= seen.may_be_thrown_back;
                 if seen.may_be_thrown_back {
                     self.state_poll_at = FIRST_OF_ALL;
-                } else if seen.velocity_rad_s.is_some() && !request.once {
+                } else if seen.velocity_rad_s.is_some()
+                    && protocol::tells_state(&request.command)
+                    && !request.once
+                {
                     self.save_poll(now);
                 }
             }

@@ -5,7 +5,7 @@
 
 use super::Axis;
 use super::state::State;
-use crate::protocol::{Exchange, Info};
+use crate::protocol::{self, Exchange, Info};
 use crate::time::Instant;
 use crate::transaction::Transaction;
 use host_protocol::{CycleResult, CycleState, Error, SlowState, StateField, StateFields};
@@ -77,11 +77,13 @@ impl Axis {
             result: CycleResult::Answered,
             before: self.part.told(),
         };
+        let mut is_told = false;
         match &mut self.state {
             State::Active(_, motion) => {
                 // One that must not be sent twice is not.
                 part.motion = motion.due.map(|_| motion.number);
                 motion.due = motion.due.map(|due| due.min(now));
+                is_told = part.motion.is_some() && protocol::tells_state(&motion.command);
             }
             State::Armed(_) => {}
             _ => {
@@ -90,7 +92,7 @@ impl Axis {
                 return;
             }
         }
-        part.reads = self.reads_for(fields, part.motion.is_some());
+        part.reads = self.reads_for(fields, is_told);
         self.part = part;
     }
 
@@ -99,12 +101,13 @@ impl Axis {
         self.part = Part::NONE;
     }
 
-    /// What is read in a period beside the setpoint: what its reply does not tell.
-    fn reads_for(&self, fields: StateFields, moves: bool) -> u8 {
+    /// What is read in a period beside the setpoint: what its reply does not tell. `is_told`: that
+    /// tells the state.
+    fn reads_for(&self, fields: StateFields, is_told: bool) -> u8 {
         let Some(info) = Info::of_axis(&self.config) else { return 0 };
         let wanted = |(exchange, field): (Exchange, StateField)| match info.angle {
-            // Every reply tells all of them.
-            Some(_) => exchange == Exchange::Velocity && !moves,
+            // One reply tells all of them.
+            Some(_) => exchange == Exchange::Velocity && !is_told,
             None => fields.contains(field) && self.can(exchange),
         };
         (0..)

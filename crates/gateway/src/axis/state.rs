@@ -399,6 +399,13 @@ impl Axis {
         }
     }
 
+    /// The same by a restart of the motor, which has switched its output off.
+    pub(super) fn cleared_by_restart(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if matches!(self.state, State::Tripped(..)) {
+            self.enter_rest(now, false, out);
+        }
+    }
+
     /// Whether the motor's output is on after a confirmed stop. The brake holds by itself.
     pub(super) fn holds_after_stop(&self) -> bool {
         self.config.stop_action() == Some(StopAction::Hold)

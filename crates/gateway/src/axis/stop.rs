@@ -50,6 +50,9 @@ enum Detour {
     ReadBack,
     /// An asynchronous write waits in the motor, or may: it is overwritten.
     Overwrite,
+    /// The stop command was not answered or refused: a device that moves to a position is told that
+    /// this is over as well.
+    EndMove,
 }
 
 /// How an unreachable motor is stopped: two stops between silences, until it answers one of them.
@@ -72,6 +75,10 @@ enum Backoff {
 pub(crate) struct Stop {
     sequence: Sequence,
     detour: Detour,
+    /// The stop command alone ends no move to a position.
+    ends_moves: bool,
+    /// A confirmed stop that is repeated: what ends such a move comes next.
+    end_follows: bool,
     /// The trip or the request.
     since: Instant,
     /// It began at rest, where a stop is only to be sure.
@@ -132,6 +139,8 @@ impl Stop {
         Self {
             sequence: Sequence::new(protocol::stop_steps(config)),
             detour: Detour::None,
+            ends_moves: protocol::is_served(Exchange::PositionStop, config),
+            end_follows: false,
             since: now,
             from_rest,
             delay_reported: false,
@@ -224,6 +233,7 @@ impl Stop {
             Detour::ReadVelocity => Some(Exchange::Velocity),
             Detour::ReadBack => Some(Exchange::CommandedSpeed),
             Detour::Overwrite => Some(Exchange::OverwritePending),
+            Detour::EndMove => Some(Exchange::PositionStop),
         }
     }
 
@@ -259,7 +269,8 @@ impl Stop {
             step => step,
         };
         let step = step.map(|exchange| (exchange, self.next_at));
-        let repeat = self.repeats().then_some((self.command(), self.repeat_at));
+        let repeated = if self.end_follows { Exchange::PositionStop } else { self.command() };
+        let repeat = self.repeats().then_some((repeated, self.repeat_at));
         match (repeat, step) {
             (Some(repeat), Some(next)) => Some(if repeat.1 <= next.1 { repeat } else { next }),
             (repeat, next) => repeat.or(next),
@@ -330,8 +341,13 @@ impl Stop {
                 self.repeat_at = now + repeat;
                 self.read_after_repeat = is_confirmed;
             }
-            Exchange::Stop => {
+            Exchange::PositionStop if is_confirmed => {
+                self.end_follows = false;
                 self.repeat_at = now + repeat;
+            }
+            Exchange::Stop => {
+                self.end_follows = is_confirmed && self.ends_moves;
+                self.repeat_at = if self.end_follows { now } else { now + repeat };
                 self.next_at = now;
                 if let Backoff::Resting { until, second_follows, asked } = &mut self.backoff {
                     *asked &= *second_follows || now < *until;
@@ -350,6 +366,8 @@ impl Stop {
     pub fn cancelled(&mut self, now: Instant, exchange: Exchange) {
         if exchange == self.command() && self.repeats() {
             self.owe(now);
+        } else if exchange == Exchange::PositionStop && self.is_confirmed() {
+            (self.end_follows, self.repeat_at) = (true, now);
         } else {
             self.next_at = self.next_at.min(now);
         }
@@ -364,6 +382,12 @@ impl Stop {
         }
         if exchange == self.command() {
             self.last_left = Some(now);
+        }
+        if exchange == Exchange::PositionStop
+            && let Backoff::Resting { until, second_follows: false, .. } = &mut self.backoff
+        {
+            // The silence begins behind what a motor has heard last.
+            *until = now + silence;
         }
         if exchange != Exchange::Stop {
             return;
@@ -429,7 +453,7 @@ impl Stop {
 
     /// On to the stop command again, unless the brake holds already.
     fn command_again(&mut self, now: Instant) {
-        self.detour = Detour::None;
+        (self.detour, self.end_follows) = (Detour::None, false);
         if !self.is_braked() {
             self.sequence.restart();
         }

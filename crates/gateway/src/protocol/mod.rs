@@ -22,7 +22,7 @@ pub(crate) use ids::{
 };
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
-pub(crate) use rmd::{slow_reply, tracks};
+pub(crate) use rmd::{slow_reply, tells_state, tracks};
 pub(crate) use serial::{Deframer, Serial, SerialFrame};
 pub(crate) use stream::Stream;
 pub(crate) use versions::Evidence;

@@ -513,6 +513,12 @@ pub(crate) fn tracks(command: &Command) -> bool {
     matches!(command, Command::Rmd(Request::LimitedPositionTracking { .. }))
 }
 
+/// Whether the reply to a motion tells position, velocity and current, so that they need not be read
+/// as well. In motion mode it tells velocity and torque alone (§5.4).
+pub(crate) fn tells_state(command: &Command) -> bool {
+    !matches!(command, Command::Rmd(Request::MotionMode { .. }))
+}
+
 /// The reply window of a command where the motor needs longer than its bus's window: for its brake
 /// motors were seen to take 50 to 150 ms (PROTOCOL-NOTES R20). While it locks, nobody else tells the
 /// motor to hold.

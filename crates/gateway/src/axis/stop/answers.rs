@@ -64,17 +64,23 @@ impl Stop {
                 self.advance(now, config);
                 return StopEffect::BrakeUnverified;
             }
+            // The stop holds the motor, until the brake does.
             (Detour::None, Exchange::Faults) if seen.brake_locked != Some(true) => {
-                self.sequence.step_back();
-                self.next_at = now + REFUSED_PAUSE;
+                self.command_again_after_a_pause(now);
                 return StopEffect::CameToNothing;
+            }
+            // It may be the answer to another one.
+            (Detour::None, Exchange::PositionStop) if !request.unambiguous => {
+                self.next_at = now + CONFIRM_POLL;
             }
             (Detour::None, _) => self.advance(now, config),
             (Detour::ReadFaults, _) => self.turn_aside(now, Detour::ReadVelocity),
-            (Detour::ReadVelocity, _) => {
-                self.command_again(now);
-                self.next_at = now + REFUSED_PAUSE;
+            (Detour::ReadVelocity, _)
+                if self.ends_moves && self.sequence.step() == Some(Exchange::Stop) =>
+            {
+                self.turn_aside(now, Detour::EndMove);
             }
+            (Detour::ReadVelocity | Detour::EndMove, _) => self.command_again_after_a_pause(now),
             (Detour::ReadBack, _) => {
                 self.acknowledged |= request.unambiguous && seen.commanded_zero == Some(true);
                 self.command_again(now);
@@ -99,8 +105,13 @@ impl Stop {
             if !exchange.is_stop() {
                 return StopEffect::None;
             }
+        } else if self.detour == Detour::EndMove {
+            self.command_again_after_a_pause(now);
+            return StopEffect::None;
         } else if exchange.is_stop() && !self.is_resting() {
             self.turn_aside(now, Detour::ReadFaults);
+        } else if exchange == Exchange::Stop && self.ends_moves {
+            self.turn_aside(now, Detour::EndMove);
         } else if matches!(
             self.detour,
             Detour::ReadFaults | Detour::ReadVelocity | Detour::ReadBack
@@ -138,11 +149,21 @@ impl Stop {
                 self.command_again(now);
                 return StopEffect::None;
             }
+            (Detour::None, Some(Exchange::Stop)) if self.ends_moves => {
+                self.turn_aside(now, Detour::EndMove);
+            }
+            (Detour::EndMove, _) => {
+                self.command_again(now);
+                return StopEffect::None;
+            }
             (Detour::ReadFaults | Detour::ReadVelocity | Detour::ReadBack, _) => {
                 self.command_again(now);
             }
             // It holds by the stop, which it has to hear from time to time, until the brake does.
             (Detour::None, Some(Exchange::LockBrake)) => self.command_again(now),
+            (Detour::None, Some(Exchange::Faults)) if config.verifies_brake() => {
+                self.command_again(now);
+            }
             // Past the wait the brake is locked even if the speed cannot be read.
             (Detour::None, Some(Exchange::Velocity)) => self.lock_when_overdue(now, config),
             // What is not needed for the stop itself, or confirmed already.
@@ -171,6 +192,12 @@ impl Stop {
         } else {
             self.next_at = self.next_at.max(now + CONFIRM_POLL);
         }
+    }
+
+    /// On to the stop command again, but not at once: the motor has refused something.
+    fn command_again_after_a_pause(&mut self, now: Instant) {
+        self.command_again(now);
+        self.next_at = self.next_at.max(now + REFUSED_PAUSE);
     }
 
     fn speed_read(&mut self, now: Instant, still: Option<bool>, config: &AxisConfig) {
