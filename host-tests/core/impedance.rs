@@ -107,13 +107,14 @@ fn the_current_of_a_motor_in_motion_mode_is_read_and_limited() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::parameter(&mut rig, 0, AxisParameter::CurrentLimitA, Value::Float(2.0));
     let epoch = arm(&mut rig);
+    rig.instead(|text| if text == REQUEST { Instead::Says(REPLY) } else { Instead::AsUsual });
+    bench::keep_moving(&mut rig, &[(0, epoch)], impedance(10.0, 10.0), 300_000);
     // 20 A (§2.13).
     rig.instead(|text| match text {
-        REQUEST => Instead::Says(REPLY),
         "141#9C00000000000000" => Instead::Says("241#9C32D00700000000"),
         _ => Instead::AsUsual,
     });
-    bench::keep_moving(&mut rig, &[(0, epoch)], impedance(10.0, 10.0), 200_000);
+    bench::keep_moving(&mut rig, &[(0, epoch)], impedance(10.0, 10.0), 300_000);
     let reason = bench::state(&mut rig).trip.map(|trip| trip.reason);
     let exceeded = matches!(
         reason,
