@@ -1,12 +1,12 @@
 //! Changes of the configuration that are made together: what a reset in the middle leaves of them,
 //! and how much fits.
 
-use crate::bench::{self, hello, run_with_host};
+use crate::bench::{self, run_with_host};
 use crate::rig::Rig;
 use gateway::Event;
 use host_protocol::{
-    AxisParameter, AxisState, BusState, Change, Error, Event as HostEvent, GatewayParameter,
-    MAX_FRAME, Reply, Request, Setting, StopAction, Subject, Text, Value, replies, requests,
+    AxisParameter, AxisState, BusState, Change, Error, Event as HostEvent, GatewayParameter, Reply,
+    Request, Setting, StopAction, Subject, Text, Value, replies, requests,
 };
 
 const LIMIT: u16 = AxisParameter::VelocityLimitRadS.number();
@@ -28,6 +28,23 @@ fn apply(rig: &mut Rig) -> Result<Reply, Error> {
     rig.ask(Request::ApplyChanges(requests::ApplyChanges {}))
 }
 
+const SILENCE: u16 = GatewayParameter::LinkSilenceUs.number();
+const LONGER: Value = Value::Unsigned(900_000);
+
+/// A longer link silence.
+fn longer() -> Change {
+    Change::Gateway { parameter: SILENCE, value: LONGER }
+}
+
+/// Whether it is in force.
+fn is_longer(rig: &mut Rig) -> bool {
+    let read = requests::ReadGatewayParameter { parameter: SILENCE };
+    match rig.ask(Request::ReadGatewayParameter(read)) {
+        Ok(Reply::ReadGatewayParameter(reply)) => reply.value == Some(LONGER),
+        other => panic!("{other:?}"),
+    }
+}
+
 fn settings(rig: &mut Rig, axis: u8, first: u16) -> replies::AxisSettings {
     match rig.ask(Request::ReadAxisSettings(requests::ReadAxisSettings { axis, first })) {
         Ok(Reply::ReadAxisSettings(settings)) => settings,
@@ -40,37 +57,18 @@ fn settings(rig: &mut Rig, axis: u8, first: u16) -> replies::AxisSettings {
 #[test]
 fn a_reset_that_leaves_some_of_the_changes_as_before_latches_the_e_stop() {
     let mut rig = bench::rmd_axes(3);
-    let silence = GatewayParameter::LinkSilenceUs.number();
     begin(&mut rig);
     add(&mut rig, &[limit(0, Some(5.0)), limit(1, Some(5.0)), limit(2, Some(5.0))]).unwrap();
-    let longer = Change::Gateway { parameter: silence, value: Value::Unsigned(900_000) };
-    add(&mut rig, &[longer]).unwrap();
-    let before = rig.memory.clone();
-    let mut frame = [0; MAX_FRAME];
-    let request = Request::ApplyChanges(requests::ApplyChanges {});
-    let length = request.encode_frame(0x7000, &mut frame).unwrap();
-    let (now, mut stored) = (rig.now(), Vec::new());
-    let event = Event::HostBytes { link: 0, bytes: &frame[..length] };
-    rig.gateway.handle(now, event, &mut |index, word| stored.push((index, word)));
+    add(&mut rig, &[longer()]).unwrap();
     let mut latched = 0;
-    for cut in 0..=stored.len() {
-        rig.memory.clone_from(&before);
-        for (index, word) in &stored[..cut] {
-            rig.memory[*index] = *word;
-        }
-        rig.reset();
-        hello(&mut rig);
+    let words = rig.apply_and_reset_behind_each_word(|rig, cut| {
         let status = match rig.ask(Request::GatewayStatus(requests::GatewayStatus {})) {
             Ok(Reply::GatewayStatus(status)) => status,
             other => panic!("{other:?}"),
         };
-        let read = requests::ReadGatewayParameter { parameter: silence };
-        let is_new = match rig.ask(Request::ReadGatewayParameter(read)) {
-            Ok(Reply::ReadGatewayParameter(reply)) => reply.value == Some(Value::Unsigned(900_000)),
-            other => panic!("{other:?}"),
-        };
+        let is_new = is_longer(rig);
         let is_limited = |axis| {
-            let settings = settings(&mut rig, axis, LIMIT).settings;
+            let settings = settings(rig, axis, LIMIT).settings;
             settings.first().is_some_and(|setting| setting.parameter == LIMIT)
         };
         let limited: Vec<bool> = (0..3).map(is_limited).collect();
@@ -81,39 +79,20 @@ fn a_reset_that_leaves_some_of_the_changes_as_before_latches_the_e_stop() {
             assert_eq!(limited, [is_new; 3], "behind {cut} words");
         }
         assert!(cut > 0 || !status.e_stop_latched && !is_new);
-    }
-    assert!(latched > stored.len() / 2, "{latched} of {}", stored.len());
+    });
+    assert!(latched > words / 2, "{latched} of {}", words);
 }
 
 /// The gateway's link silence and its name lie apart.
 #[test]
 fn a_reset_leaves_silence_and_name_of_the_gateway_both_as_before_or_both_new_or_says_so() {
     let mut rig = bench::rmd_axes(1);
-    let silence = GatewayParameter::LinkSilenceUs.number();
     begin(&mut rig);
     let name = Some(Text::try_from("new").unwrap());
-    let longer = Change::Gateway { parameter: silence, value: Value::Unsigned(900_000) };
-    add(&mut rig, &[longer, Change::Name { of: Subject::Gateway, name }]).unwrap();
-    let before = rig.memory.clone();
-    let mut frame = [0; MAX_FRAME];
-    let request = Request::ApplyChanges(requests::ApplyChanges {});
-    let length = request.encode_frame(0x7000, &mut frame).unwrap();
-    let (now, mut stored) = (rig.now(), Vec::new());
-    let event = Event::HostBytes { link: 0, bytes: &frame[..length] };
-    rig.gateway.handle(now, event, &mut |index, word| stored.push((index, word)));
+    add(&mut rig, &[longer(), Change::Name { of: Subject::Gateway, name }]).unwrap();
     let (mut told, mut whole) = (0, [0; 2]);
-    for cut in 0..=stored.len() {
-        rig.memory.clone_from(&before);
-        for (index, word) in &stored[..cut] {
-            rig.memory[*index] = *word;
-        }
-        rig.reset();
-        hello(&mut rig);
-        let read = requests::ReadGatewayParameter { parameter: silence };
-        let is_longer = match rig.ask(Request::ReadGatewayParameter(read)) {
-            Ok(Reply::ReadGatewayParameter(reply)) => reply.value == Some(Value::Unsigned(900_000)),
-            other => panic!("{other:?}"),
-        };
+    rig.apply_and_reset_behind_each_word(|rig, cut| {
+        let is_longer = is_longer(rig);
         let first = requests::ReadNames { first: Subject::Gateway };
         let is_named = match rig.ask(Request::ReadNames(first)) {
             Ok(Reply::ReadNames(list)) => !list.names.is_empty(),
@@ -122,11 +101,11 @@ fn a_reset_leaves_silence_and_name_of_the_gateway_both_as_before_or_both_new_or_
         match rig.ask(Request::GatewayStatus(requests::GatewayStatus {})) {
             Ok(Reply::GatewayStatus(status)) if status.e_stop_latched => told += 1,
             _ => {
-                assert_eq!(is_longer, is_named, "behind {cut} words of {}", stored.len());
+                assert_eq!(is_longer, is_named, "behind {cut} words");
                 whole[usize::from(is_named)] += 1;
             }
         }
-    }
+    });
     assert!(told > 0 && whole.iter().all(|count| *count > 0), "{told} told, {whole:?}");
 }
 

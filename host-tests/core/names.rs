@@ -151,31 +151,19 @@ fn a_reset_leaves_each_name_whole() {
     changes.push(limit);
     let changes = changes.iter().cloned().collect();
     rig.ask(Request::AddChanges(requests::AddChanges { changes })).unwrap();
-    let before = rig.memory.clone();
-    let (now, mut stored, mut frame) = (rig.now(), Vec::new(), [0; MAX_FRAME]);
-    let apply = Request::ApplyChanges(requests::ApplyChanges {});
-    let length = apply.encode_frame(0x7000, &mut frame).unwrap();
-    let event = Event::HostBytes { link: 0, bytes: &frame[..length] };
-    rig.gateway.handle(now, event, &mut |index, word| stored.push((index, word)));
     let mut latched = 0;
-    for cut in 0..=stored.len() {
-        rig.memory.clone_from(&before);
-        for (index, word) in &stored[..cut] {
-            rig.memory[*index] = *word;
-        }
-        rig.reset();
-        bench::hello(&mut rig);
+    let words = rig.apply_and_reset_behind_each_word(|rig, cut| {
         let is_latched = match rig.ask(Request::GatewayStatus(requests::GatewayStatus {})) {
             Ok(Reply::GatewayStatus(status)) => status.e_stop_latched,
             other => panic!("{other:?}"),
         };
         latched += usize::from(is_latched);
-        let now = names(&mut rig);
+        let now = names(rig);
         let whole = [owned(named("left", "right")), owned(named("right", "left-and-longer"))];
         assert!(
             is_latched || whole.iter().any(|whole| now == whole),
             "behind {cut} words: {now:?}"
         );
-    }
-    assert!(latched > stored.len() / 2, "{latched} of {}", stored.len());
+    });
+    assert!(latched > words / 2, "{latched} of {}", words);
 }

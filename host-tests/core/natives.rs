@@ -1,7 +1,8 @@
 //! Native commands: the manuals' bytes, under the rules of what they do (GUARANTEES G2).
 
 use crate::bench::{self, VELOCITY, answered, arm, listed, native, run_with_host};
-use crate::rig::{Instead, Rig};
+use crate::rig::{BOARD_AGAIN, Instead, Rig};
+use gateway::Event;
 use host_protocol::{
     AxisParameter, AxisState, Error, Event as HostEvent, MotorTimeout, NoReplyHint, Protocol,
     Quantity, Reply, Request, Setpoint, StopAction, TripReason, Value, requests,
@@ -360,4 +361,28 @@ fn a_native_stop_is_carried_out_although_there_is_no_place_for_its_reply() {
     assert!(reads.iter().all(|read| rig.answer(*read).is_some()));
     assert_eq!(listed(&mut rig, 0), AxisState::Holding);
     assert!(rig.events().iter().any(|event| matches!(event, HostEvent::RequestDropped { .. })));
+}
+
+/// What changes a motor waits like any change of the configuration; what stops it does not.
+#[test]
+fn while_something_is_stored_a_native_command_changes_nothing_and_stops() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let rows = rig.rows();
+    rig.power_on_as(&BOARD_AGAIN, &rows);
+    rig.handle(Event::EStopInput { open: false });
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 100_000);
+    bench::output_off(&mut rig).unwrap();
+    rig.send(&Request::SaveConfiguration(requests::SaveConfiguration {}));
+    assert!(rig.gateway.take_save().is_some());
+    let since = rig.now_us;
+    // 0xB3 (RMD V3.6 §2.30): the motor's own timeout.
+    let change = native(&rig, 0, "B3000000F4010000");
+    assert_eq!(rig.ask(change.clone()), Err(Error::Saving {}));
+    assert_eq!(rig.sent_since(0, since), [""; 0]);
+    let stop = native(&rig, 0, "8000000000000000");
+    rig.ask(stop).unwrap();
+    assert_eq!(rig.sent_since(0, since), ["141#8000000000000000"]);
+    rig.handle(Event::Saved { result: Ok(()) });
+    rig.ask(change).unwrap();
 }

@@ -1,6 +1,7 @@
 //! A gateway on a bench without motors: the test plays the host with typed requests and the motors
 //! with literal bytes.
 
+use crate::bench;
 use crate::copy::Copy;
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
@@ -9,7 +10,7 @@ use gateway::{
 };
 use host_protocol::{
     BootReason, BusLimit, BusState, CHECKSUM, CanFrame, CycleEvent, CycleMessage, Deframer, Error,
-    Event as HostEvent, EventMessage, Kind, MAX_FRAME, Reply, Request,
+    Event as HostEvent, EventMessage, Kind, MAX_FRAME, Reply, Request, requests,
 };
 
 const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
@@ -209,6 +210,32 @@ impl Rig {
         };
         self.gateway.load(self.now(), &[], Found::Rows { digest }, &mut next);
         self.gateway.restore(self.now(), &[]);
+    }
+
+    /// The changes of the list are made, and the board is reset behind each word of what is stored
+    /// for that: `look` sees what a host finds behind so many of them, from none to all. Returns how
+    /// many there are.
+    pub fn apply_and_reset_behind_each_word(
+        &mut self,
+        mut look: impl FnMut(&mut Self, usize),
+    ) -> usize {
+        let before = self.memory.clone();
+        let mut frame = [0; MAX_FRAME];
+        let request = Request::ApplyChanges(requests::ApplyChanges {});
+        let length = request.encode_frame(0x7000, &mut frame).unwrap();
+        let (now, mut stored) = (self.now(), Vec::new());
+        let event = Event::HostBytes { link: 0, bytes: &frame[..length] };
+        self.gateway.handle(now, event, &mut |index, word| stored.push((index, word)));
+        for cut in 0..=stored.len() {
+            self.memory.clone_from(&before);
+            for (index, word) in &stored[..cut] {
+                self.memory[*index] = *word;
+            }
+            self.reset();
+            bench::hello(self);
+            look(self, cut);
+        }
+        stored.len()
     }
 
     fn begin_again(&mut self, board: &'static Board) {

@@ -115,10 +115,13 @@ impl Gateway {
         native: Native,
         ticket: Ticket,
     ) -> Result<()> {
-        self.authority.check(ticket)?;
-        self.refuse_saving()?;
+        let changes = matches!(native.effect, Effect::Changes { .. });
+        if changes {
+            self.authority.check(ticket)?;
+            self.refuse_saving()?;
+        }
         self.authority.take(now, ticket)?;
-        if let Effect::Changes { .. } = native.effect {
+        if changes {
             self.refuse_e_stopped(index)?;
         }
         let axis = self.idle_axis(index)?;
