@@ -115,6 +115,21 @@ pub fn frame_message(end: usize, out: &mut [u8]) -> Result<usize, EncodeError> {
     put_around(end, out).ok_or(EncodeError::TooLong)
 }
 
+/// The frame of what has a `write_message`.
+macro_rules! encode_frame {
+    () => {
+        /// Writes the whole delimited frame and returns its length. `sequence` is that of the
+        /// request.
+        ///
+        /// # Errors
+        /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
+        pub fn encode_frame(&self, sequence: u16, out: &mut [u8]) -> Result<usize, EncodeError> {
+            $crate::encode::frame_message(self.write_message(sequence, out)?, out)
+        }
+    };
+}
+pub(crate) use encode_frame;
+
 fn put_around(end: usize, out: &mut [u8]) -> Option<usize> {
     let (checked, behind) = out.split_at_mut_checked(end)?;
     let checksum = CHECKSUM.checksum(checked.get(MESSAGE_AT..)?);

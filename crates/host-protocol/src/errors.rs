@@ -6,7 +6,7 @@ use core::fmt;
 use crate::axis::{AxisState, TripReason};
 use crate::bus::{BusKind, MAX_BITRATES};
 use crate::can_id::CanId;
-use crate::encode::{EncodeError, frame_message, write_message};
+use crate::encode::{EncodeError, write_message};
 use crate::error_text::{
     AsDialects, Bounds, DialectCommand, DialectName, Faults, KindOf, NextEpoch, OTHER_VERSION,
     Offered, RequestName, abilities, next_step, together_bar, way_to_idle,
@@ -101,20 +101,10 @@ macro_rules! errors {
                 }
             }
 
-            /// Writes the whole delimited frame and returns its length.
-            ///
-            /// # Errors
-            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
-            pub fn encode_frame(
-                &self,
-                sequence: u16,
-                out: &mut [u8],
-            ) -> Result<usize, EncodeError> {
-                frame_message(self.write_message(sequence, out)?, out)
-            }
+            $crate::encode::encode_frame!();
 
             /// Writes the message to where it lies in its frame and returns where it ends, for
-            /// [`frame_message`].
+            /// [`frame_message`](crate::frame_message).
             ///
             /// # Errors
             /// As [`encode_frame`](Self::encode_frame).

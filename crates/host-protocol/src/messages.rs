@@ -8,7 +8,7 @@ use core::fmt;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::encode::{EncodeError, frame_message, write_message};
+use crate::encode::{EncodeError, write_message};
 use crate::errors::{ERRORS, Error, MAX_ERROR_BODY};
 use crate::events::{EVENT_BASE, EVENTS, MAX_EVENT_BODY};
 use crate::frame::{Kind, MAX_BODY};
@@ -93,21 +93,10 @@ macro_rules! frames {
                 match self { $(Self::$name(_) => stringify!($name)),+ }
             }
 
-            /// Writes the whole delimited frame and returns its length. `sequence` is that of the
-            /// request.
-            ///
-            /// # Errors
-            /// `out` is too small; [`MAX_FRAME`](crate::MAX_FRAME) bytes are always enough.
-            pub fn encode_frame(
-                &self,
-                sequence: u16,
-                out: &mut [u8],
-            ) -> Result<usize, EncodeError> {
-                frame_message(self.write_message(sequence, out)?, out)
-            }
+            $crate::encode::encode_frame!();
 
             /// Writes the message to where it lies in its frame and returns where it ends, for
-            /// [`frame_message`].
+            /// [`frame_message`](crate::frame_message).
             ///
             /// # Errors
             /// As [`encode_frame`](Self::encode_frame).

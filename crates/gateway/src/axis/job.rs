@@ -448,15 +448,15 @@ impl Axis {
                 self.end_job(now, &Reply::ProvisionMotorTimeout(report), out);
             }
             JobKind::Clear => {
-                self.cleared(now, out);
+                self.cleared(now, self.holds_after_stop(), out);
                 let done = Reply::Clear(Done {});
                 self.end_job(now, &done, out);
             }
             JobKind::Restart(_) => {
-                self.cleared_by_restart(now, out);
+                // The restart has switched the output off; the stop switches it on again.
+                self.cleared(now, false, out);
                 let done = Reply::ClearByRestart(Done {});
                 self.end_job(now, &done, out);
-                // Its stop switches it on again.
                 if self.holds_after_stop() {
                     self.halt(now, out);
                 }
@@ -511,8 +511,7 @@ impl Axis {
         self.config.set(AxisParameter::Stream, Value::Unsigned(word))
     }
 
-    /// Whether its configuration has changed by what its motor was told, and the row of it has still
-    /// to be [measured](Self::stream_is_measured).
+    /// Whether that is still to be [measured](Self::stream_is_measured) in the row of the axis.
     pub fn is_told_to_stream(&self) -> bool {
         self.told_to_stream
     }

@@ -98,6 +98,7 @@ pub(crate) struct Axis {
     evidence: Evidence,
     /// What outlives a reset of the gateway has changed and has still to be saved.
     is_unsaved: bool,
+    /// The row of its configuration has changed by what its motor was told, and is to be measured.
     told_to_stream: bool,
     pub telemetry: Telemetry,
 }

@@ -393,16 +393,9 @@ impl Axis {
     }
 
     /// The trip is over, and the repeated stop with it.
-    pub(super) fn cleared(&mut self, now: Instant, out: &mut Outbox<'_>) {
+    pub(super) fn cleared(&mut self, now: Instant, output_on: bool, out: &mut Outbox<'_>) {
         if matches!(self.state, State::Tripped(..)) {
-            self.enter_rest(now, self.holds_after_stop(), out);
-        }
-    }
-
-    /// The same by a restart of the motor, which has switched its output off.
-    pub(super) fn cleared_by_restart(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if matches!(self.state, State::Tripped(..)) {
-            self.enter_rest(now, false, out);
+            self.enter_rest(now, output_on, out);
         }
     }
 

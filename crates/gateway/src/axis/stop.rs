@@ -75,9 +75,7 @@ enum Backoff {
 pub(crate) struct Stop {
     sequence: Sequence,
     detour: Detour,
-    /// The stop command alone ends no move to a position.
-    ends_moves: bool,
-    /// A confirmed stop that is repeated: what ends such a move comes next.
+    /// A confirmed stop that is repeated: what ends a move to a position comes next.
     end_follows: bool,
     /// The trip or the request.
     since: Instant,
@@ -139,7 +137,6 @@ impl Stop {
         Self {
             sequence: Sequence::new(protocol::stop_steps(config)),
             detour: Detour::None,
-            ends_moves: protocol::is_served(Exchange::PositionStop, config),
             end_follows: false,
             since: now,
             from_rest,
@@ -346,7 +343,7 @@ impl Stop {
                 self.repeat_at = now + repeat;
             }
             Exchange::Stop => {
-                self.end_follows = is_confirmed && self.ends_moves;
+                self.end_follows = is_confirmed && ends_moves(config);
                 self.repeat_at = if self.end_follows { now } else { now + repeat };
                 self.next_at = now;
                 if let Backoff::Resting { until, second_follows, asked } = &mut self.backoff {
@@ -474,4 +471,9 @@ impl Stop {
         self.standstill_since = now;
         self.standstill_readings = 0;
     }
+}
+
+/// Whether the stop command alone ends no move of this motor: it is told that as well.
+fn ends_moves(config: &AxisConfig) -> bool {
+    protocol::is_served(Exchange::PositionStop, config)
 }

@@ -35,7 +35,7 @@ impl Axis {
         let was_confirmed = stop.is_confirmed();
         let effect = match outcome {
             Outcome::Answered(seen) => stop.answered(now, request, seen, still, config),
-            Outcome::Refused => stop.refused(now, request.exchange),
+            Outcome::Refused => stop.refused(now, request.exchange, config),
             // A motor that restarts misses stops, and its output is off.
             Outcome::NoReply if restarts && was_confirmed => StopEffect::None,
             Outcome::NoReply => stop.unanswered(now, request.exchange, is_of_job, config),

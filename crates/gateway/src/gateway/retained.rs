@@ -368,6 +368,7 @@ impl Gateway {
         if fits.is_ok() {
             unserved.restore_unserved(config, &self.axes);
             self.retention.bus_changed(bus);
+            self.measure(Set::of(bus), Set::NONE, false);
         }
         Some(fits)
     }

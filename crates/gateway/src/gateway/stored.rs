@@ -79,7 +79,7 @@ impl Stored {
     }
 
     /// The digest of the running configuration: the sum of the checksums of its rows.
-    fn running(&self) -> u32 {
+    fn digest(&self) -> u32 {
         self.rows.iter().fold(0, |sum, row| sum.wrapping_add(*row))
     }
 }
@@ -100,10 +100,11 @@ impl Gateway {
     /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
     /// [`ReadStored`](Request::ReadStored) says so.
     pub fn load(&mut self, now: Instant, words: &[u32], found: Found, next: NextRow<'_>) {
+        self.measure_configuration();
         self.stored.state = State::Found(found);
-        let Found::Rows { digest } = found else { return self.measure_configuration() };
+        let Found::Rows { digest } = found else { return };
         if is_remembered(words) {
-            return self.measure_configuration();
+            return;
         }
         let mut row = [0; MAX_STORED_ROW];
         let mut state = State::Found(found);
@@ -113,8 +114,7 @@ impl Gateway {
                 None => State::Found(Found::Damaged),
             };
         }
-        self.measure_configuration();
-        if matches!(state, State::Found(Found::Rows { .. })) && self.stored.running() != digest {
+        if matches!(state, State::Found(Found::Rows { .. })) && self.stored.digest() != digest {
             state = State::Found(Found::Damaged);
         }
         if !matches!(state, State::Found(Found::Rows { .. })) {
@@ -203,7 +203,7 @@ impl Gateway {
     }
 
     /// Works out the checksums of rows anew.
-    fn measure(&mut self, buses: Set, axes: Set, gateway: bool) {
+    pub(super) fn measure(&mut self, buses: Set, axes: Set, gateway: bool) {
         let mut bytes = [0; MAX_STORED_ROW];
         let gateway = gateway.then_some(0).into_iter();
         let buses = (0..MAX_BUSES).filter(|bus| buses.has(*bus)).map(|bus| bus + BUS_ROWS.start);
@@ -229,13 +229,13 @@ impl Gateway {
     }
 
     /// The digest of the running configuration, with what motors have been told meanwhile.
-    fn running(&mut self) -> u32 {
+    fn digest(&mut self) -> u32 {
         let told = self.axes.those(Set::ALL, Axis::is_told_to_stream);
         if !told.is_empty() {
             self.axes.each(told, Axis::stream_is_measured);
             self.measure(Set::NONE, told, false);
         }
-        self.stored.running()
+        self.stored.digest()
     }
 
     /// Has the running configuration stored, or what is stored forgotten.
@@ -246,10 +246,10 @@ impl Gateway {
             _ => {}
         }
         self.check_at_rest()?;
-        let digest = self.running();
+        let digest = self.digest();
         if cfg!(debug_assertions) {
             self.measure_configuration();
-            assert_eq!(digest, self.stored.running(), "a row has changed unnoticed");
+            assert_eq!(digest, self.stored.digest(), "a row has changed unnoticed");
         }
         let save = if keep { Save::Rows { digest } } else { Save::Nothing };
         self.store(save, ticket);
@@ -320,7 +320,7 @@ impl Gateway {
     }
 
     pub(crate) fn stored_report(&mut self) -> replies::StoredReport {
-        let running = self.running();
+        let running = self.digest();
         let state = match self.stored.state {
             State::Refused { error } => StoredState::Refused { error },
             State::Found(Found::NoStorage) => StoredState::NoStorage,

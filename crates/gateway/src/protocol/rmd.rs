@@ -513,8 +513,8 @@ pub(crate) fn tracks(command: &Command) -> bool {
     matches!(command, Command::Rmd(Request::LimitedPositionTracking { .. }))
 }
 
-/// Whether the reply to a motion tells position, velocity and current, so that they need not be read
-/// as well. In motion mode it tells velocity and torque alone (§5.4).
+/// Whether the reply to a motion tells all that replies to motions of its protocol do, so that this
+/// need not be read as well. In motion mode it leaves out position and current (§5.4).
 pub(crate) fn tells_state(command: &Command) -> bool {
     !matches!(command, Command::Rmd(Request::MotionMode { .. }))
 }

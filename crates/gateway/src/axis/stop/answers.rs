@@ -1,7 +1,7 @@
 //! What a motor's answers, refusals and silences make of a stop.
 
 use super::{BRAKE_LOCKS_WITHIN, BRAKE_WAIT, Backoff, CONFIRM_POLL, Detour, REFUSED_PAUSE};
-use super::{STANDSTILL_READINGS, STANDSTILL_WITHIN_ANEW, STOPS_AT_LEAST, Stop};
+use super::{STANDSTILL_READINGS, STANDSTILL_WITHIN_ANEW, STOPS_AT_LEAST, Stop, ends_moves};
 use crate::config::AxisConfig;
 use crate::measured::Observation;
 use crate::protocol::{self, Exchange};
@@ -76,7 +76,7 @@ impl Stop {
             (Detour::None, _) => self.advance(now, config),
             (Detour::ReadFaults, _) => self.turn_aside(now, Detour::ReadVelocity),
             (Detour::ReadVelocity, _)
-                if self.ends_moves && self.sequence.step() == Some(Exchange::Stop) =>
+                if ends_moves(config) && self.sequence.step() == Some(Exchange::Stop) =>
             {
                 self.turn_aside(now, Detour::EndMove);
             }
@@ -98,7 +98,12 @@ impl Stop {
 
     /// The motor refuses what the stop asks of it: that confirms nothing. Read the fault and the
     /// speed, and send the stop again.
-    pub(in crate::axis) fn refused(&mut self, now: Instant, exchange: Exchange) -> StopEffect {
+    pub(in crate::axis) fn refused(
+        &mut self,
+        now: Instant,
+        exchange: Exchange,
+        config: &AxisConfig,
+    ) -> StopEffect {
         self.hears = true;
         if self.is_confirmed() {
             // Or a host's question is refused.
@@ -110,7 +115,7 @@ impl Stop {
             return StopEffect::None;
         } else if exchange.is_stop() && !self.is_resting() {
             self.turn_aside(now, Detour::ReadFaults);
-        } else if exchange == Exchange::Stop && self.ends_moves {
+        } else if exchange == Exchange::Stop && ends_moves(config) {
             self.turn_aside(now, Detour::EndMove);
         } else if matches!(
             self.detour,
@@ -149,7 +154,7 @@ impl Stop {
                 self.command_again(now);
                 return StopEffect::None;
             }
-            (Detour::None, Some(Exchange::Stop)) if self.ends_moves => {
+            (Detour::None, Some(Exchange::Stop)) if ends_moves(config) => {
                 self.turn_aside(now, Detour::EndMove);
             }
             (Detour::EndMove, _) => {

@@ -47,10 +47,11 @@ impl Gateway {
     }
 
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<()> {
-        let config = self.axis(axis)?.config.clone();
+        // Where there is no such axis, a list that is open stays.
+        self.axis(axis)?;
         self.draft.open();
         for parameter in AxisParameter::ALL.iter().copied() {
-            if config.is_set(parameter) {
+            if self.axis(axis)?.config.is_set(parameter) {
                 self.draft.set_parameter(axis, parameter, None)?;
             }
         }

@@ -298,7 +298,9 @@ impl Gateway {
             return Err(Error::Tripped { axis: other, reason });
         }
         // A motor timeout programmed since may ask for a faster refresh than the configuration did.
-        self.check_axis_load(index)
+        self.check_axis_load(index)?;
+        let is_busy = axis.is_busy_with_more_than_a_question();
+        if is_busy { Err(Error::Busy { axis: index }) } else { Ok(()) }
     }
 
     fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
