@@ -64,6 +64,18 @@ impl Reaction {
         reaction
     }
 
+    /// Panics if a table names no line of this cause, motor, stop and limit.
+    #[track_caller]
+    pub fn check_written(&self, table: &str) {
+        let line = self.to_string();
+        let (ours, limit) = split(&line);
+        let mut written = table.lines().filter(|line| !line.starts_with('#')).map(split);
+        assert!(
+            written.any(|(theirs, other)| (theirs, other) == (ours, limit)),
+            "fault-times.txt has no line as this one: {line}; .ci/virtual-board faults writes it"
+        );
+    }
+
     /// Of every axis, which has so long before its stop is decided on: the first stops on its bus.
     #[track_caller]
     pub fn of_all(
@@ -104,6 +116,13 @@ impl fmt::Display for Reaction {
         let (took, limit) = (took.as_secs_f64() * 1e6, limit.as_secs_f64() * 1e6);
         write!(f, "{cause:<58} {motor:<13} {stop:<26} {took:>10.1} {limit:>9.0}")
     }
+}
+
+/// What a line says but for the time that was measured: cause, motor and stop; the limit.
+fn split(line: &str) -> (&str, &str) {
+    let (rest, limit) = line.rsplit_once(' ').unwrap_or((line, ""));
+    let (ours, _took) = rest.trim_end().rsplit_once(' ').unwrap_or((rest, ""));
+    (ours.trim_end(), limit)
 }
 
 /// The head of the table.
