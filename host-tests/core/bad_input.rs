@@ -114,6 +114,31 @@ fn a_slow_thruster_speed_is_refused_with_what_is_allowed() {
     no_motion(&rig);
 }
 
+/// -4370 rpm has the bytes with which a thruster refuses (§1.3): the range does not hold it.
+#[test]
+fn the_thruster_speed_that_reads_as_a_refusal_is_refused_with_what_is_allowed() {
+    let rpm = |rpm: f32| rpm * core::f32::consts::PI / 30.0;
+    for direction in [1, -1] {
+        let (mut rig, _) = bench::thruster();
+        bench::parameter(&mut rig, 0, AxisParameter::Direction, Value::Signed(direction));
+        let epoch = arm(&mut rig);
+        let value = if direction < 0 { rpm(4370.0) } else { rpm(-4370.0) };
+        let request = setpoint(&rig, epoch, 80_000, Setpoint::Velocity { velocity_rad_s: value });
+        let Err(Error::OutOfRange { quantity: Quantity::Velocity, min, max, .. }) =
+            rig.ask(request)
+        else {
+            panic!("no refusal with a range")
+        };
+        no_motion(&rig);
+        assert!(!(min..=max).contains(&value), "{value} in {min} to {max}");
+        for allowed in [min, max] {
+            assert!((29.9..4369.1).contains(&(allowed.abs() / rpm(1.0))), "{allowed}");
+            let velocity = Setpoint::Velocity { velocity_rad_s: allowed };
+            rig.ask(setpoint(&rig, epoch, 80_000, velocity)).expect("allowed");
+        }
+    }
+}
+
 #[test]
 fn a_position_without_speed_limit_is_refused() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);

@@ -238,6 +238,41 @@ fn an_e_stop_while_the_brake_is_being_locked_is_sent_in_less_than_200_ms() {
     assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
 }
 
+/// It holds by 0x81 meanwhile, which its own timeout would end; and a stop that is asked for again
+/// tells the brake again, at most twice.
+#[test]
+fn a_brake_that_locks_unseen_is_told_again_and_its_motor_asked_all_the_time() {
+    for presses in [0, 1, 4] {
+        let (mut rig, _) = bench::rmd(StopAction::Brake);
+        bench::parameter(&mut rig, 0, AxisParameter::AllowUnverifiedBrake, Value::Bool(true));
+        move_axis(&mut rig, VELOCITY);
+        stop(&mut rig);
+        while !rig.sent_since(0, 0).contains(&LOCK) {
+            rig.run(1_000);
+        }
+        rig.run(5_000);
+        let since = rig.now_us;
+        for press in 0..presses {
+            let pressed = rig.now_us;
+            e_stop(&mut rig);
+            rig.run(2_000);
+            let is_told = rig.sent_since(0, pressed).contains(&LOCK);
+            assert_eq!(is_told, press < 2, "press {press}");
+            run_with_host(&mut rig, 100_000);
+        }
+        let locked_by = rig.now_us + 1_100_000;
+        while !rig.sent_since(0, since).contains(&COAST) && rig.now_us < locked_by {
+            run_with_host(&mut rig, 1_000);
+        }
+        let sent = rig.sent_since(0, since);
+        let told = sent.iter().filter(|text| **text == LOCK).count();
+        assert_eq!(told, presses.min(2), "{sent:?}");
+        assert!(!sent.contains(&HOLD) && sent.contains(&COAST), "{sent:?}");
+        let gap = rig.longest_gap_us(0, since, "");
+        assert!(gap < 30_000, "{presses}: {gap} µs in which the motor hears nothing");
+    }
+}
+
 /// The brake answers 0x78 and shows itself open (§2.12.3), or does not show itself at all.
 #[test]
 fn a_brake_that_is_not_seen_to_lock_is_followed_by_the_stop_in_less_than_200_ms() {

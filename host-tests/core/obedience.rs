@@ -3,8 +3,10 @@
 
 use crate::bench::{self, VELOCITY, arm, assert_tripped, keep_moving, listed};
 use crate::rig::{Instead, Rig};
-use host_protocol::{AxisState, Setpoint, StopAction, TripReason};
+use host_protocol::{AxisParameter, AxisState, Setpoint, StopAction, TripReason, Value};
 
+/// As the parameter `rmd_dialect` names it.
+const V4_4: u32 = 6;
 const REST: Setpoint = Setpoint::Velocity { velocity_rad_s: 0.0 };
 
 /// An RMD, cold and at its zero point, that answers a speed of 0 by zeros.
@@ -45,6 +47,30 @@ fn a_cold_motor_at_rest_may_answer_a_speed_of_0_by_zeros() {
     let (mut rig, epoch) = cold(false);
     keep_moving(&mut rig, &[(0, epoch)], REST, 500_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Active);
+}
+
+/// A speed of 0 comes back unchanged from a motor whose temperature is the torque cap, 30 °C.
+#[test]
+fn a_motor_as_warm_as_its_torque_cap_is_asked_whether_it_stands() {
+    for turning in [false, true] {
+        let (mut rig, play) = bench::rmd(StopAction::Hold);
+        play.borrow_mut().dialect = V4_4;
+        bench::parameter(&mut rig, 0, AxisParameter::RmdDialect, Value::Unsigned(V4_4));
+        bench::parameter(&mut rig, 0, AxisParameter::TorqueCap, Value::Unsigned(30));
+        let epoch = arm(&mut rig);
+        keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
+        play.borrow_mut().turning = turning;
+        rig.instead(|text| match text {
+            "141#A21E000000000000" => Instead::Says("241#A21E000000000000"),
+            _ => Instead::AsUsual,
+        });
+        keep_moving(&mut rig, &[(0, epoch)], REST, 500_000);
+        if turning {
+            assert_tripped(&mut rig, TripReason::CommandRefused { faults: Some(0) }, false);
+        } else {
+            assert_eq!(listed(&mut rig, 0), AxisState::Active);
+        }
+    }
 }
 
 #[test]

@@ -88,6 +88,24 @@ fn what_cannot_be_done_is_refused_before_the_position_is_read() {
     );
 }
 
+/// ±179.9° (Thruster manual §4.1).
+#[test]
+fn a_target_beyond_what_the_device_takes_is_refused_with_what_it_takes() {
+    let (mut rig, _) = bench::thruster();
+    bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(true));
+    let epoch = arm(&mut rig);
+    for distance in [6.0f32, -6.0] {
+        let request = relative(&rig, epoch, distance, 5.0);
+        let Err(Error::OutOfRange { quantity: Quantity::Position, value, min, max }) =
+            rig.ask(request)
+        else {
+            panic!("no refusal with a range")
+        };
+        assert!(!(min..=max).contains(&value), "{value} in {min} to {max}");
+        assert_eq!([min, max].map(|end| (end.to_degrees() * 10.0).round()), [-1799.0, 1799.0]);
+    }
+}
+
 #[test]
 fn a_target_beyond_the_limit_is_refused_and_nothing_moves() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);

@@ -32,9 +32,9 @@ pub enum Answer {
 /// Whether `received`, from the motor that `request` went to, answers it.
 ///
 /// After its communication timeout a motor sends closed-loop commands (0xA1 to 0xA8) back
-/// unchanged. A cold motor at rest at its zero point answers a command of all zeros with the same
-/// bytes, so there the equality proves nothing: it counts as a reply, and only 0x9C tells whether
-/// the motor follows.
+/// unchanged. A motor at rest at its zero point answers a command of zeros with the same bytes, if
+/// its temperature is 0 °C too, or the torque cap in that place of the command. There the equality
+/// proves nothing: it counts as a reply, and only 0x9C tells whether the motor follows.
 ///
 /// Nothing answers 0x76 and 0xB4 ([`Request::is_answered`]): they are done once sent.
 pub fn answer(request: &Request, received: &Reply) -> Answer {
@@ -54,7 +54,7 @@ pub fn answer(request: &Request, received: &Reply) -> Answer {
 /// until the echo has come, a frame equal to the request is our own; taken for a reply it would
 /// confirm a stop that nobody received.
 pub fn answer_on_line(request: &Request, received: &Reply, echo_due: bool) -> Answer {
-    if echo_due && request.to_bytes() == received.to_bytes() {
+    if echo_due && received.repeats(request) {
         return Answer::Echo;
     }
     answer(request, received)
@@ -150,7 +150,8 @@ fn stray(received: &Reply) -> Answer {
 
 /// Whether a motor's bytes are a closed-loop request's own, and cannot also be a state by chance.
 fn thrown_back(sent: &[u8; DATA_LEN], received: &[u8; DATA_LEN]) -> bool {
-    let [command, payload @ ..] = sent;
+    // Where a command has a cap a reply has the temperature.
+    let [command, _, payload @ ..] = sent;
     command::CLOSED_LOOP.contains(command)
         && sent == received
         && payload.iter().any(|byte| *byte != 0)

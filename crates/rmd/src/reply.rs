@@ -12,6 +12,7 @@ use crate::field::DATA_LEN;
 use crate::motion_mode::MotionRanges;
 use crate::notice::RawNotice;
 use crate::payload::Payload;
+use crate::request::Request;
 pub use crate::table::Reply;
 
 impl Reply {
@@ -83,6 +84,11 @@ impl Reply {
     /// The data bytes, whether or not they may be sent.
     pub(crate) fn to_bytes(self) -> [u8; DATA_LEN] {
         self.to_payload()
+    }
+
+    /// Whether these are the bytes of `request`.
+    pub fn repeats(&self, request: &Request) -> bool {
+        self.to_bytes() == request.to_bytes()
     }
 
     /// Data bytes of this frame on CAN.

@@ -375,7 +375,8 @@ impl Axis {
     /// what is under way makes room, but for a stop that has still to leave.
     fn stop_again(&mut self, now: Instant) {
         let leaves = self.transactions.has_with_port(Exchange::is_stop);
-        if self.stop_mut().is_some_and(|stop| stop.ask_again(now)) && !leaves {
+        let (State::Stopping(stop) | State::Tripped(_, stop)) = &mut self.state else { return };
+        if stop.ask_again(now, &self.config) && !leaves {
             self.transactions.preempt();
         }
     }

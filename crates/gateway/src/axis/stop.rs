@@ -36,6 +36,8 @@ const BRAKE_WAIT: Duration = Duration::from_millis(1_000);
 /// A brake that does not show it counts as locked so long after it was told (GUARANTEES G4, stop
 /// table).
 const BRAKE_LOCKS_WITHIN: Duration = Duration::from_millis(1_000);
+/// How often the motor is asked meanwhile: one that hears nothing lets go by its own timeout.
+const BRAKE_POLL: Duration = Duration::from_millis(20);
 
 /// What a stop does between the steps of its table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,10 +113,10 @@ pub(crate) struct Stop {
     /// What follows the stop command has been put off for one that is owed: not again before it
     /// has been asked.
     put_off: bool,
-    /// How often its last step was done again because one was owed.
+    /// How often a step was done again for one that was asked for.
     stayed: u8,
-    /// When reading the speed began.
-    standstill_since: Instant,
+    /// When its step began.
+    step_since: Instant,
     /// When something of the stop last went on: a frame had left, was answered, or was given up
     /// after it had left.
     went_on_at: Instant,
@@ -156,7 +158,7 @@ impl Stop {
             owed_at: None,
             put_off: false,
             stayed: 0,
-            standstill_since: now,
+            step_since: now,
             went_on_at: now,
             not_sent: false,
             read_after_repeat: false,
@@ -276,9 +278,12 @@ impl Stop {
 
     /// A stop is asked for again: the stop command goes out now, or soon if one has just left.
     /// Returns whether it does now.
-    pub fn ask_again(&mut self, now: Instant) -> bool {
-        if !self.has_left() || !self.repeats() {
+    pub fn ask_again(&mut self, now: Instant, config: &AxisConfig) -> bool {
+        if !self.has_left() {
             return false;
+        }
+        if !self.repeats() {
+            return self.lock_again(now, config);
         }
         if self.hears
             && let Backoff::Resting { asked, .. } = &mut self.backoff
@@ -289,6 +294,19 @@ impl Stop {
         let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
         self.owe(just_left.unwrap_or(now));
         just_left.is_none()
+    }
+
+    /// A brake that does not show whether it has locked is told so once more; not for ever. Returns
+    /// whether it is now. The stop command would switch the output on again.
+    fn lock_again(&mut self, now: Instant, config: &AxisConfig) -> bool {
+        let locks_unseen = self.step() == Some(Exchange::Faults) && !config.verifies_brake();
+        let may = locks_unseen && self.stayed < STAYS_AT_MOST;
+        if may {
+            self.stayed += 1;
+            self.sequence.step_back();
+            self.begin_step(now);
+        }
+        may
     }
 
     /// The stop command goes out once more at `at`, before the next reading.
@@ -315,8 +333,7 @@ impl Stop {
             return Some(self.since);
         }
         let repeat_at = self.went_on_at + UNCONFIRMED_REPEAT;
-        // While the brake locks unseen there is nothing to send.
-        Some(if self.repeats() { repeat_at } else { repeat_at.max(self.next_at) })
+        Some(repeat_at)
     }
 
     /// It could not be sent in time.
@@ -468,7 +485,7 @@ impl Stop {
 
     fn begin_step(&mut self, now: Instant) {
         self.next_at = now;
-        self.standstill_since = now;
+        self.step_since = now;
         self.standstill_readings = 0;
     }
 }

@@ -99,7 +99,7 @@ pub(super) static INFO: Info = Info {
     },
     command,
     motion,
-    at: |_, _| None,
+    at: |_, _| Err((0, 0)),
     native,
     is_answered: |command, config| match command {
         Command::D5(request) => is_answered(request, config),

@@ -183,8 +183,8 @@ pub(crate) struct Info {
     pub command: fn(Exchange, &AxisConfig) -> Option<Command>,
     /// The command that carries out a setpoint of an axis; `None` where there is none.
     pub motion: fn(u8, Setpoint, &AxisConfig) -> Found<Command>,
-    /// A position command with its target at a count of the motor's.
-    pub at: fn(Command, i32) -> Option<Command>,
+    /// A position command with its target at a count of the motor's, or the counts that it takes.
+    pub at: fn(Command, i32) -> Result<Command, (i32, i32)>,
     /// The command that bytes are, and what it does; `None` where they are none.
     pub native: fn(u8, &[u8], &AxisConfig) -> Found<Native>,
     /// Whether the motor answers a command.
@@ -332,13 +332,19 @@ pub(crate) fn further(
     config: &AxisConfig,
 ) -> Result<Further, Error> {
     let (sign, quantity) = (config.sign(), Quantity::Position);
-    let beyond = |value, limit: f32| Error::OutOfRange { quantity, value, min: -limit, max: limit };
-    let info = Info::of_axis(config).ok_or(beyond(distance_rad, 0.0))?;
+    let Some(info) = Info::of_axis(config) else {
+        return Err(Error::OutOfRange { quantity, value: distance_rad, min: 0.0, max: 0.0 });
+    };
     let unit = info.position;
     let start_rad = sign * unit.to_si(start);
+    let beyond = |(lowest, highest)| {
+        let (one, other) = (sign * unit.to_si(lowest), sign * unit.to_si(highest));
+        let value = start_rad + distance_rad;
+        Error::OutOfRange { quantity, value, min: one.min(other), max: one.max(other) }
+    };
     let target = unit.nearest(sign * distance_rad).and_then(|way| start.checked_add(way));
-    let moved = target.and_then(|target| Some(((info.at)(command, target)?, target)));
-    let (command, target) = moved.ok_or(beyond(start_rad + distance_rad, unit.to_si(i32::MAX)))?;
+    let target = target.ok_or(beyond((i32::MIN, i32::MAX)))?;
+    let command = (info.at)(command, target).map_err(beyond)?;
     Ok(Further { command, start_rad, target_rad: sign * unit.to_si(target) })
 }
 

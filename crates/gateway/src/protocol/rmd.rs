@@ -347,16 +347,16 @@ fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
     Ok(Some(Command::Rmd(request)))
 }
 
-fn at(command: Command, target: i32) -> Option<Command> {
+fn at(command: Command, target: i32) -> Result<Command, (i32, i32)> {
     let angle = Centidegrees(target);
-    Some(Command::Rmd(match command {
+    Ok(Command::Rmd(match command {
         Command::Rmd(Request::AbsolutePosition { max_speed, .. }) => {
             Request::AbsolutePosition { max_speed, angle }
         }
         Command::Rmd(Request::CappedPosition { cap, max_speed, .. }) => {
             Request::CappedPosition { cap, max_speed, angle }
         }
-        _ => return None,
+        _ => return Err((0, 0)),
     }))
 }
 
@@ -554,8 +554,6 @@ fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict
         return Verdict::Unrelated;
     };
     match rmd::answer(request, reply) {
-        // All zero is an answer that may as well be the request thrown back: it tells nothing
-        // (PROTOCOL-NOTES R30).
         Answer::Reply(
             Reply::TorqueCurrent { motion }
             | Reply::Velocity { motion }
@@ -563,13 +561,21 @@ fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict
             | Reply::AbsolutePosition { motion }
             | Reply::CappedPosition { motion }
             | Reply::LimitedPositionTracking { motion },
-        ) if motion == Motion::default() => {
+        ) if may_be_thrown_back(request, reply, motion) => {
             Verdict::Answer(Observation { may_be_thrown_back: true, ..Observation::default() })
         }
         Answer::Reply(reply) => Verdict::Answer(observe(&reply, config)),
         Answer::NotExecuted => Verdict::NotExecuted,
         _ => Verdict::Unrelated,
     }
+}
+
+/// Whether an answer may as well be the request thrown back, and so tells nothing: all zero, or all
+/// but a temperature that is the request's torque cap (PROTOCOL-NOTES R30).
+fn may_be_thrown_back(request: &Request, reply: &Reply, motion: Motion) -> bool {
+    let cold = Motion { temperature: Motion::default().temperature, ..motion };
+    let is_like_request = || motion == cold || reply.repeats(request);
+    cold == Motion::default() && is_like_request()
 }
 
 fn observe(reply: &Reply, config: &AxisConfig) -> Observation {

@@ -181,10 +181,13 @@ fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
     }
 }
 
-fn at(command: Command, target: i32) -> Option<Command> {
-    let Command::Thruster(Request::AbsolutePosition { speed, .. }) = command else { return None };
+fn at(command: Command, target: i32) -> Result<Command, (i32, i32)> {
+    let Command::Thruster(Request::AbsolutePosition { speed, .. }) = command else {
+        return Err((0, 0));
+    };
     let request = Request::AbsolutePosition { speed, position: Decidegrees(target) };
-    request.encode().ok().map(|_| Command::Thruster(request))
+    let taken = request.encode().map(|_| Command::Thruster(request));
+    taken.map_err(|_| (thruster::POSITION_MIN, thruster::POSITION_MAX))
 }
 
 fn native(axis: u8, data: &[u8], config: &AxisConfig) -> Found<Native> {
@@ -261,11 +264,15 @@ fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
             let bound = |count, end| DECIDEGREES.to_si(i32::try_from(count).unwrap_or(end));
             (Quantity::Position, position_rad, (bound(min, i32::MIN), bound(max, i32::MAX)))
         }
-        // A speed the wire can carry is refused only below the slowest: 0 or at least 30 rpm either
-        // way (T14).
+        // A speed the wire can carry is refused below the slowest, 0 or at least 30 rpm either way
+        // (T14), and the one whose bytes mean a refusal: those between are taken.
         Setpoint::Velocity { velocity_rad_s } => {
-            let (slowest, fastest) =
-                (RPM.to_si(thruster::SPEED_MIN_MAGNITUDE), RPM.to_si(i16::MAX));
+            let fastest = match refusal {
+                EncodeError::Forbidden { value, .. } => value.unsigned_abs().saturating_sub(1),
+                _ => i16::MAX.unsigned_abs().into(),
+            };
+            let slowest = RPM.to_si(thruster::SPEED_MIN_MAGNITUDE);
+            let fastest = RPM.to_si(i32::try_from(fastest).unwrap_or(i32::MAX));
             let bounds =
                 if velocity_rad_s < 0.0 { (-fastest, -slowest) } else { (slowest, fastest) };
             (Quantity::Velocity, velocity_rad_s, bounds)

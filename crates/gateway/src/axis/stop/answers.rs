@@ -1,7 +1,8 @@
 //! What a motor's answers, refusals and silences make of a stop.
 
-use super::{BRAKE_LOCKS_WITHIN, BRAKE_WAIT, Backoff, CONFIRM_POLL, Detour, REFUSED_PAUSE};
-use super::{STANDSTILL_READINGS, STANDSTILL_WITHIN_ANEW, STOPS_AT_LEAST, Stop, ends_moves};
+use super::{BRAKE_LOCKS_WITHIN, BRAKE_POLL, BRAKE_WAIT, Backoff, CONFIRM_POLL, Detour};
+use super::{REFUSED_PAUSE, STANDSTILL_READINGS, STANDSTILL_WITHIN_ANEW, STOPS_AT_LEAST};
+use super::{Stop, ends_moves};
 use crate::config::AxisConfig;
 use crate::measured::Observation;
 use crate::protocol::{self, Exchange};
@@ -54,11 +55,10 @@ impl Stop {
                 self.turn_aside(now, Detour::Overwrite);
             }
             (Detour::None, Exchange::Velocity) => self.speed_read(now, still, config),
-            (Detour::None, Exchange::LockBrake) => {
-                self.advance(now, config);
-                if !config.verifies_brake() {
-                    self.next_at = now + BRAKE_LOCKS_WITHIN;
-                }
+            (Detour::None, Exchange::Faults)
+                if !config.verifies_brake() && now.since(self.step_since) < BRAKE_LOCKS_WITHIN =>
+            {
+                self.next_at = now + BRAKE_POLL;
             }
             (Detour::None, Exchange::Faults) if !config.verifies_brake() => {
                 self.advance(now, config);
@@ -217,7 +217,7 @@ impl Stop {
 
     fn lock_when_overdue(&mut self, now: Instant, config: &AxisConfig) {
         if self.sequence.step_behind() == Some(Exchange::LockBrake)
-            && now.since(self.standstill_since) >= BRAKE_WAIT
+            && now.since(self.step_since) >= BRAKE_WAIT
         {
             self.advance(now, config);
         }
