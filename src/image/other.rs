@@ -58,8 +58,10 @@ impl OtherImage {
         if offset == 0 && self.state().await == State::Swap {
             self.mark(false).await?;
         }
-        if offset.is_multiple_of(PAGE_BYTES) {
-            let erased = self.pages.erase(offset, offset + PAGE_BYTES).await;
+        // The page that begins in this piece: at its first byte, or behind it.
+        let page = offset.next_multiple_of(PAGE_BYTES);
+        if page < offset + bytes.len() as u32 {
+            let erased = self.pages.erase(page, page + PAGE_BYTES).await;
             erased.map_err(|_| SaveError::Failed)?;
         }
         self.pages.write(offset, bytes).await.map_err(|_| SaveError::Failed)

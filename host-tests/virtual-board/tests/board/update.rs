@@ -250,6 +250,24 @@ fn old(lab: &mut Lab) -> FirmwareVersion {
     version
 }
 
+/// Pieces of three units do not end where a sector does.
+#[test]
+fn a_piece_that_reaches_into_the_next_sector_has_it_erased() {
+    const PIECE: usize = 3 * UNIT;
+    let mut lab = written();
+    let image = new_image(&mut lab.machine.borrow_mut());
+    let other: Vec<u8> = image.iter().map(|byte| !byte).collect();
+    lab.announce(&image);
+    let page = LAYOUT.flash.page;
+    let pieces = other.chunks(PIECE).take(page / PIECE + 2);
+    for (offset, piece) in (0..).step_by(PIECE).zip(pieces) {
+        lab.client.write_image(offset, piece).expect("written");
+    }
+    let begins = LAYOUT.areas.update.start + u64::try_from(page).expect("it fits");
+    let behind = lab.machine.borrow_mut().read_memory(begins, UNIT);
+    assert_eq!(behind, other[page..page + UNIT]);
+}
+
 #[test]
 fn mgw_update_gives_a_board_another_image_which_is_kept() {
     let began = Instant::now();
