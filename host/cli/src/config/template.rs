@@ -21,7 +21,7 @@ pub fn dump_like(template: &str, configuration: &Configuration) -> Result<String
     if let Some(from) = wanted.get("gateway").and_then(Item::as_table) {
         let is_new = document.get("gateway").is_none();
         let section = document.entry("gateway").or_insert(Item::Table(Table::new()));
-        if let Some(to) = section.as_table_mut() {
+        if let Some(to) = written_out(section, Item::into_table, Item::Table).as_table_mut() {
             carry_over(Row::Gateway, from, to);
             if is_new && to.is_empty() {
                 document.remove("gateway");
@@ -32,11 +32,22 @@ pub fn dump_like(template: &str, configuration: &Configuration) -> Result<String
         let none = ArrayOfTables::new();
         let from = wanted.get(kind).and_then(Item::as_array_of_tables).unwrap_or(&none);
         let section = document.entry(kind).or_insert(Item::ArrayOfTables(ArrayOfTables::new()));
+        let section = written_out(section, Item::into_array_of_tables, Item::ArrayOfTables);
         if let Some(to) = section.as_array_of_tables_mut() {
             rows(kind, from, to);
         }
     }
     Ok(document.to_string())
+}
+
+/// A section that stands within one line, `axis = [{ axis = 0 }]`, as one of lines of its own.
+fn written_out<T>(
+    section: &mut Item,
+    read: fn(Item) -> Result<T, Item>,
+    section_of: fn(T) -> Item,
+) -> &mut Item {
+    *section = read(std::mem::take(section)).map_or_else(|item| item, section_of);
+    section
 }
 
 /// Carries the rows of one kind over, those that the template has not behind the others.

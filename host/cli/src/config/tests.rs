@@ -328,6 +328,20 @@ fn a_template_keeps_its_comments_and_only_what_differs_is_written() {
 }
 
 #[test]
+fn a_template_may_write_its_sections_within_one_line() {
+    let text = "gateway = { link_silence_us = 300000 }\n\
+        bus = [{ bus = 0, bitrate = 1000000, protocols = [\"rmd\"] }]\n\
+        axis = [{ axis = 0, bus = 0, protocol = \"rmd\", node = 1, stop_action = \"coast\" }]\n";
+    let template = read(text).onto(Configuration::default());
+    let other = read(&text.replace("node = 1", "node = 2").replace("300000", "400000"))
+        .onto(Configuration::default());
+    for configuration in [&template, &other, &Configuration::default()] {
+        let written = dump_like(text, configuration).unwrap();
+        assert_eq!(read(&written).onto(Configuration::default()), *configuration, "{written}");
+    }
+}
+
+#[test]
 fn what_a_file_does_not_name_has_its_default_unless_it_is_merged() {
     let before = whole(FOUR_MOTORS);
     let text = "[[bus]]\nbus = 0\nexclusive = true\n[[axis]]\naxis = 3\nttl_us = 60_000\n";
