@@ -17,10 +17,12 @@ const BYTES: usize = 512;
 /// Stops under way; further ones wait for [`STOP_WAITS`].
 const STOPS: usize = 8;
 const STOP_WAITS: Duration = Duration::from_millis(20);
-/// After this time a request without a result no longer keeps others back.
-const HOLDS_UP: Duration = Duration::from_secs(1);
-/// After this time nothing is known of it any more.
-const FORGOTTEN_AFTER: Duration = Duration::from_secs(10);
+/// After the first time a request without a result no longer keeps others back, after the second
+/// nothing is known of it any more: where the gateway answers by itself, where it asks motors or
+/// its flash first, and a stop.
+const AT_ONCE: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
+const LATER: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(10)];
+const STOP: [Duration; 2] = [STOP_WAITS, Duration::from_millis(200)];
 /// Among so many others the gateway no longer knows a repeated request.
 const REMEMBERED: u64 = 8;
 
@@ -112,13 +114,14 @@ impl Cable {
         self.asked.clear();
     }
 
-    /// What has had no result for long gets none any more.
-    pub fn forget(&mut self, now: Duration) {
-        self.asked.retain(|_, asked| now < asked.at + FORGOTTEN_AFTER);
+    /// What has had no result for long gets none any more: who asked for it.
+    pub fn forget(&mut self, now: Duration) -> Vec<Asker> {
+        let forgotten = self.asked.extract_if(|_, asked| now >= asked.at + patience(&asked.ask)[1]);
+        forgotten.map(|(_, asked)| asked.asker).collect()
     }
 
     fn under_way(&self, now: Duration) -> impl Iterator<Item = &Asked> {
-        self.asked.values().filter(move |asked| now < asked.at + HOLDS_UP)
+        self.asked.values().filter(move |asked| now < asked.at + patience(&asked.ask)[0])
     }
 
     /// Whether one more request of who commands, or of who watches, may go out.
@@ -132,8 +135,27 @@ impl Cable {
 
     /// Whether one more stop may go out.
     pub fn has_room_for_stop(&self, now: Duration) -> bool {
-        let stops = self.asked.values().filter(|asked| asked.ask.stops());
-        stops.filter(|asked| now < asked.at + STOP_WAITS).count() < STOPS
+        self.under_way(now).filter(|asked| asked.ask.stops()).count() < STOPS
+    }
+}
+
+/// How long to wait for its result.
+fn patience(ask: &Ask) -> [Duration; 2] {
+    let is_answered_at_once = [
+        ask::Ping::NUMBER,
+        ask::Setpoint::NUMBER,
+        ask::Cycle::NUMBER,
+        ask::TakeAuthority::NUMBER,
+        ask::GatewayStatus::NUMBER,
+        ask::BusStatus::NUMBER,
+        ask::ListAxes::NUMBER,
+        ask::ReadState::NUMBER,
+    ]
+    .contains(&ask.number);
+    match ask.stops() {
+        true => STOP,
+        false if is_answered_at_once => AT_ONCE,
+        false => LATER,
     }
 }
 

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use host_protocol::requests::Subscribe;
 use host_protocol::{
-    Event, EventMessage, FrameError, Kind, MAX_BODY, MAX_FRAME, StateField, StateFields,
-    encode_body,
+    CycleEvent, Event, EventMessage, FrameError, Kind, MAX_BODY, MAX_FRAME, StateField,
+    StateFields, encode_body,
 };
 
 /// Events that wait for a program that does not read; the oldest make room.
@@ -19,7 +19,7 @@ const REASONS: usize = FrameError::ALL.len();
 pub(crate) struct Told {
     number: u16,
     /// Events that were lost before it.
-    lost: u32,
+    pub lost: u32,
     time_us: u64,
     /// The body behind `dropped`: what it means a later version may know alone.
     rest: Vec<u8>,
@@ -35,9 +35,23 @@ impl Told {
         Some(Self { number, lost, time_us, rest: rest.to_vec(), sample })
     }
 
+    /// It tells of a period of the free-running cycle, and is for the program that runs it.
+    pub fn is_of_cycle(&self) -> bool {
+        self.number == CycleEvent::NUMBER
+    }
+
     pub fn time_us(&self) -> u64 {
         self.time_us
     }
+}
+
+/// That of which a newer event takes the place of an older one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Latest {
+    /// A sample of an axis.
+    Sample(u8),
+    /// A period of the free-running cycle.
+    Cycle,
 }
 
 /// An event that waits.
@@ -45,8 +59,7 @@ impl Told {
 struct Waiting {
     number: u16,
     rest: Vec<u8>,
-    /// The axis, of a sample: a newer one takes its place.
-    sample_of: Option<u8>,
+    latest: Option<Latest>,
 }
 
 /// The events of one program.
@@ -94,9 +107,9 @@ impl Inbox {
         if !self.is_open {
             return;
         }
-        self.count_lost(told.lost);
         let Some(event) = &told.sample else {
-            return self.wait(told.number, told.rest.clone(), None);
+            let latest = told.is_of_cycle().then_some(Latest::Cycle);
+            return self.wait(told.number, told.rest.clone(), latest);
         };
         let Some(subscription) = subscription else { return };
         let Event::Sample { axis, .. } = *event else { return };
@@ -111,7 +124,7 @@ impl Inbox {
         }
         *due = (*due + period).max(time_us + period.div_ceil(2));
         let rest = body_of(&only(event, subscription.fields), time_us);
-        self.wait(told.number, rest, Some(axis));
+        self.wait(told.number, rest, Some(Latest::Sample(axis)));
     }
 
     /// A new subscription: its samples are due at once.
@@ -119,8 +132,8 @@ impl Inbox {
         self.due_us.clear();
     }
 
-    fn wait(&mut self, number: u16, rest: Vec<u8>, sample_of: Option<u8>) {
-        let older = |one: &Waiting| sample_of.is_some() && one.sample_of == sample_of;
+    fn wait(&mut self, number: u16, rest: Vec<u8>, latest: Option<Latest>) {
+        let older = |one: &Waiting| latest.is_some() && one.latest == latest;
         if let Some(place) = self.waiting.iter().position(older) {
             self.waiting.remove(place);
             self.dropped = self.dropped.saturating_add(1);
@@ -129,7 +142,7 @@ impl Inbox {
             self.waiting.pop_front();
             self.dropped = self.dropped.saturating_add(1);
         }
-        self.waiting.push_back(Waiting { number, rest, sample_of });
+        self.waiting.push_back(Waiting { number, rest, latest });
     }
 
     /// The next event as a frame.

@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use host_protocol::requests::{Hello, Ping, ReleaseAuthority, SUBSCRIPTION_PERIOD_US, Subscribe};
+use host_protocol::requests::{
+    Hello, Ping, ReleaseAuthority, RunCycle, SUBSCRIPTION_PERIOD_US, Subscribe,
+};
 use host_protocol::{
     Call, Deframer, Error, Frame, Kind, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StateFields,
 };
@@ -72,6 +74,8 @@ pub struct Multiplexer {
     in_command: Option<ProgramId>,
     /// How often that has changed.
     claims: u64,
+    /// The program that has begun or ended the free-running cycle last.
+    runs_cycle: Option<ProgramId>,
     /// Stops of programs that have gone.
     last_words: VecDeque<Ask>,
     /// Whose turn it was last.
@@ -100,6 +104,7 @@ impl Multiplexer {
             opened: 0,
             in_command: None,
             claims: 0,
+            runs_cycle: None,
             last_words: VecDeque::new(),
             turn: 0,
             subscribed: nothing(),
@@ -189,10 +194,14 @@ impl Multiplexer {
     /// Bytes of a program.
     pub fn program_bytes(&mut self, now: Duration, id: ProgramId, mut bytes: &[u8]) {
         while let Some(program) = self.programs.get_mut(&id)
-            && !program.over
             && let Some(ask) = program.receive(now, &mut bytes)
         {
-            self.asked_by(now, id, ask);
+            if !program.over {
+                self.asked_by(now, id, ask);
+            } else if ask.stops() && program.proved {
+                // Its connection is about to be closed.
+                Self::stop_unanswered(program, ask);
+            }
         }
     }
 
@@ -290,9 +299,11 @@ impl Multiplexer {
         self.next_event = Some(frame.sequence.wrapping_add(1));
         let Some(told) = Told::read(frame.number, frame.body) else { return };
         self.gateway_us = told.time_us();
-        for program in self.programs.values_mut() {
-            program.inbox.count_lost(missing.into());
-            program.tell(&told, self.subscribed.period_us);
+        for (id, program) in &mut self.programs {
+            program.inbox.count_lost(u32::from(missing).saturating_add(told.lost));
+            if !told.is_of_cycle() || self.runs_cycle == Some(*id) {
+                program.tell(&told, self.subscribed.period_us);
+            }
         }
     }
 
@@ -338,6 +349,9 @@ impl Multiplexer {
         if releases && self.in_command == Some(id) {
             self.in_command = None;
             self.claims += 1;
+        }
+        if asked.ask.number == RunCycle::NUMBER && error.is_none() {
+            self.runs_cycle = Some(id);
         }
         if asked.ask.number == Subscribe::NUMBER
             && error.is_some()
@@ -392,7 +406,13 @@ impl Multiplexer {
 
     /// What time alone brings about: to be called every few milliseconds.
     pub fn tick(&mut self, now: Duration) {
-        self.cable.forget(now);
+        for asker in self.cable.forget(now) {
+            if let Asker::Program { id, order } = asker
+                && let Some(program) = self.programs.get_mut(&id)
+            {
+                program.forget(order);
+            }
+        }
         for program in self.programs.values_mut() {
             program.lapse(now);
             if self.state != State::Up {
@@ -510,8 +530,13 @@ impl Multiplexer {
             Turn::Again(sequence) => {
                 let asked = self.cable.asked(sequence)?;
                 // As a sign of life it would be that of who commands now.
-                if asked.watches || commands {
+                if asked.watches {
                     return self.cable.again(now, sequence);
+                }
+                if commands {
+                    // What the gateway could take for a new one is a sign of life all the same.
+                    let again = self.cable.again(now, sequence);
+                    return Some(again.unwrap_or_else(|| self.own(now, &Ping {}, false).1));
                 }
                 let (ask, asker) = (asked.ask.clone(), asked.asker);
                 let Asker::Program { order, .. } = asker else { return None };

@@ -9,8 +9,9 @@ use host_protocol::{Deframer, Error, FrameError, Kind, MAX_FRAME, encode_body};
 use crate::ask::Ask;
 use crate::events::{Inbox, Told};
 
-/// Requests that are remembered, and results that can be owed, as on a link of the gateway.
-pub(crate) const WINDOW: usize = 8;
+/// Requests that are remembered, and results that can be owed: a setpoint of each axis and as many
+/// again, as the cable takes a few at a time.
+pub(crate) const WINDOW: usize = 32;
 /// A program that has sent nothing valid for so long has no subscription any more, as on a link.
 const SUBSCRIPTION_ENDS_AFTER: Duration = Duration::from_secs(5);
 
@@ -132,6 +133,11 @@ impl Program {
             self.kept.remove(oldest);
         }
         Some(order)
+    }
+
+    /// The cable has no result of a request and gets none any more.
+    pub fn forget(&mut self, order: u64) {
+        self.kept.retain(|kept| kept.order != order || !matches!(kept.fate, Fate::Asked(_)));
     }
 
     /// Keeps the result of a request.

@@ -29,6 +29,10 @@ const WRITES: usize = 4;
 /// Programs at a time. One more takes the place of the one that has been silent for longest, so
 /// that there always is one for a stop.
 const PROGRAMS: usize = 128;
+/// Connections at a time that have not shown their token: they take the place of nobody who has.
+const UNPROVED: usize = 16;
+/// A connection that is over and does not read is closed after this time.
+const CLOSED_WITHIN: Duration = Duration::from_secs(1);
 /// How long a connection may take to show its token.
 const TOKEN_WITHIN: Duration = Duration::from_secs(2);
 /// What the token stands behind.
@@ -108,6 +112,10 @@ struct Connection {
     frames: Sender<Vec<u8>>,
     writing: usize,
     heard_at: Duration,
+    /// It has shown the token, or needs none.
+    proved: bool,
+    /// Since when it is to be closed.
+    over_since: Option<Duration>,
 }
 
 /// Is given every frame of the cable at once; it must not wait for anything.
@@ -235,10 +243,16 @@ where
     }
 
     fn connect(&mut self, now: Duration, stream: Stream, proved: bool, go: SyncSender<ProgramId>) {
-        if self.connections.len() >= PROGRAMS {
+        let unproved = self.connections.values().filter(|one| !one.proved).count();
+        let is_full = self.connections.len() >= PROGRAMS;
+        if !proved && (is_full || unproved >= UNPROVED) {
+            return stream.end();
+        }
+        if is_full {
             let commands = self.multiplexer.in_command();
             let watching = self.connections.iter().filter(|(id, _)| Some(**id) != commands);
-            let quietest = watching.min_by_key(|(_, one)| one.heard_at).map(|(id, _)| *id);
+            let quietest = watching.min_by_key(|(_, one)| (one.proved, one.heard_at));
+            let quietest = quietest.map(|(id, _)| *id);
             if let Some(id) = quietest {
                 (self.log)(&format!("program {id} has lost its place to another one"));
                 self.disconnect(id);
@@ -258,7 +272,10 @@ where
             writer.end();
         });
         let _ = go.send(id);
-        self.connections.insert(id, Connection { stream, go, frames, writing: 0, heard_at: now });
+        let (writing, over_since) = (0, None);
+        let connection =
+            Connection { stream, go, frames, writing, heard_at: now, proved, over_since };
+        self.connections.insert(id, connection);
     }
 
     fn disconnect(&mut self, id: ProgramId) {
@@ -320,6 +337,7 @@ where
     }
 
     fn write_programs(&mut self) {
+        let now = self.start.elapsed();
         let mut over = Vec::new();
         for (id, connection) in &mut self.connections {
             while connection.writing < WRITES
@@ -328,8 +346,11 @@ where
                 connection.writing += 1;
                 let _ = connection.frames.send(frame);
             }
-            if connection.writing == 0 && self.multiplexer.is_over(*id) {
-                over.push(*id);
+            if self.multiplexer.is_over(*id) {
+                let since = *connection.over_since.get_or_insert(now);
+                if connection.writing == 0 || now >= since + CLOSED_WITHIN {
+                    over.push(*id);
+                }
             }
         }
         over.into_iter().for_each(|id| self.disconnect(id));
@@ -386,18 +407,27 @@ fn read_program(mut stream: Stream, token: Option<&str>, sender: &Sender<Event>)
         return;
     }
     let Ok(id) = may_read.recv() else { return };
+    let mut is_first = true;
     loop {
         let mut bytes = [0; READ];
         let read = match stream.read(&mut bytes) {
+            Ok(_) if is_first && begins_as_http(&bytes) => Vec::new(),
             Ok(count) => bytes.get(..count).unwrap_or_default().to_vec(),
             Err(error) if nothing_came(&error) => continue,
             Err(_) => Vec::new(),
         };
+        is_first = false;
         let has_gone = read.is_empty();
         if sender.send(Event::Program(id, read)).is_err() || has_gone || may_read.recv().is_err() {
             return;
         }
     }
+}
+
+/// Whether the first bytes of a connection are a browser's: any page can have it post bytes to this
+/// computer. A frame begins with 0x00, and the token with a small letter.
+fn begins_as_http(bytes: &[u8]) -> bool {
+    bytes.first().is_some_and(u8::is_ascii_uppercase)
 }
 
 /// Whether a connection begins with the token.

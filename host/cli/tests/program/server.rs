@@ -1,8 +1,12 @@
 //! `mgw serve` between a simulated gateway and several programs.
 
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use host_protocol::requests::Hello;
+use host_protocol::{Call as _, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, encode};
 use serde_json::Value;
 
 use crate::support::{Outcome, Process, Sim, mgw, outcome_of};
@@ -155,6 +159,28 @@ fn beyond_this_computer_a_token_is_needed() {
     assert!(text.contains("token"), "{text}");
     outcome_of(&arguments, &[("MGW_TOKEN", "a secret")]).success();
     // The socket is this user's own.
+    server.mgw(&["info"]).success();
+}
+
+/// A page can have its browser post bytes to this computer.
+#[test]
+fn what_a_browser_posts_is_no_request() {
+    let sim = Sim::start();
+    let server = Server::start(&sim.port, &[]);
+    let address = server.port.strip_prefix("tcp:").unwrap();
+    let mut out = [0; MAX_FRAME];
+    let hello =
+        Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session: 1 };
+    let length = encode(Kind::Request, 1, Hello::NUMBER, &hello, &mut out).unwrap();
+    let answer = |first: &[u8]| {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(LIMIT)).unwrap();
+        stream.write_all(&[first, &out[..length]].concat()).unwrap();
+        let mut bytes = [0; MAX_FRAME];
+        stream.read(&mut bytes).unwrap_or(0)
+    };
+    assert_eq!(answer(b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"), 0);
+    assert_ne!(answer(b"noise"), 0, "what is not from a browser may begin with garbage");
     server.mgw(&["info"]).success();
 }
 

@@ -1,6 +1,7 @@
 //! The server in virtual time, against the core of the gateway.
 
 mod crowd;
+mod losses;
 mod rig;
 
 use std::time::Duration;

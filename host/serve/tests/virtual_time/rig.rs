@@ -31,6 +31,9 @@ pub struct Rig {
     deaf: Vec<ProgramId>,
     pub plugged: bool,
     pub news: Vec<News>,
+    /// Of a thousand frames on the cable so many get lost to the gateway, and from it.
+    pub lost_per_mille: [u32; 2],
+    luck: fastrand::Rng,
     /// The requests on the cable: when, of which kind and number.
     pub cable: Vec<(Duration, Kind, u16)>,
 }
@@ -52,10 +55,17 @@ impl Rig {
         Duration::from_micros(self.world.now().as_micros())
     }
 
+    fn is_lost(&mut self, way: usize) -> bool {
+        self.luck.u32(..1_000) < self.lost_per_mille[way]
+    }
+
     /// Passes on what there is, without time passing.
     fn pump(&mut self) {
         let now = self.now();
-        let received = self.world.host_receive(LINK);
+        let mut received = self.world.host_receive(LINK);
+        if !received.is_empty() && self.is_lost(1) {
+            received.clear();
+        }
         if self.plugged {
             self.multiplexer.cable_bytes(now, &received);
         }
@@ -66,7 +76,9 @@ impl Rig {
             if let Some(Ok(Frame { kind, number, .. })) = Deframer::new().take(&mut &frame[..]) {
                 self.cable.push((now, kind, number));
             }
-            self.world.host_send(LINK, &frame);
+            if !self.is_lost(0) {
+                self.world.host_send(LINK, &frame);
+            }
         }
         for (id, inbox) in self.inboxes.iter_mut().filter(|(id, _)| !self.deaf.contains(id)) {
             while let Some(frame) = self.multiplexer.poll_program(*id) {
@@ -87,6 +99,8 @@ impl Bench {
             deaf: Vec::new(),
             plugged: true,
             news: Vec::new(),
+            lost_per_mille: [0; 2],
+            luck: fastrand::Rng::with_seed(1),
             cable: Vec::new(),
         };
         rig.multiplexer.cable_opened(Duration::ZERO);
