@@ -60,7 +60,7 @@ impl OtherImage {
         }
         // The page that begins in this piece: at its first byte, or behind it.
         let page = offset.next_multiple_of(PAGE_BYTES);
-        if page < offset + bytes.len() as u32 {
+        if ((page - offset) as usize) < bytes.len() {
             let erased = self.pages.erase(page, page + PAGE_BYTES).await;
             erased.map_err(|_| SaveError::Failed)?;
         }
