@@ -50,7 +50,10 @@ enum Fate {
 impl Held {
     fn fate(&self, registers: Fdcan) -> Option<Fate> {
         let told = || {
-            let (sent, cancelled) = (registers.txbto().read(), registers.txbcf().read());
+            // In this order: a frame that leaves although it was to be cancelled sets both at once,
+            // and between two reads in the other order would count as cancelled.
+            let cancelled = registers.txbcf().read();
+            let sent = registers.txbto().read();
             if sent.to(self.place) {
                 Some(Fate::Transmitted)
             } else {
