@@ -76,6 +76,11 @@ impl LineEvents {
         self.heard.load(Ordering::Relaxed)
     }
 
+    /// What was sent last has left, and nobody has waited for that yet.
+    pub fn has_sent(&self) -> bool {
+        self.sent.signaled()
+    }
+
     /// Asks for a ring that is set up anew.
     pub fn ask_for_restart(&self) {
         self.restart.store(true, Ordering::Relaxed);

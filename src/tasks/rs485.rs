@@ -1,5 +1,7 @@
 //! One RS485 bus: carries bytes both ways and reports when the last bit of a frame has left.
 
+use core::cell::Cell;
+
 use embassy_futures::select::select;
 use gateway::{BusSetup, Event, Outgoing, Transmit};
 use host_protocol::BusState;
@@ -34,9 +36,10 @@ pub async fn rs485(
         report(gateway, bus, BusState::Active);
         // What has come is looked at first: when the line is free for the next frame, a stop too,
         // follows from it.
+        let under_way = Cell::new(None);
         select(
-            receive(gateway, bus, &mut receiver),
-            send(gateway, bus, &mut sender, setup, &watch),
+            receive(gateway, bus, &mut receiver, &under_way),
+            send(gateway, bus, &mut sender, setup, &under_way, &watch),
         )
         .await;
     }
@@ -47,8 +50,18 @@ fn report(gateway: &SharedGateway, bus: u8, state: BusState) {
     gateway.handle(Event::BusState { bus, state, transmit_errors: 0, receive_errors: 0 });
 }
 
+/// The slot of the frame that is being sent, while the core does not know that it has left.
+type UnderWay = Cell<Option<u8>>;
+
+/// Tells the core that the frame under way has left, once.
+fn transmitted(gateway: &SharedGateway, bus: u8, under_way: &UnderWay) {
+    if let Some(slot) = under_way.take() {
+        gateway.handle(Event::Transmitted { bus, slot });
+    }
+}
+
 /// Bytes from the bus to the core, our own echo included.
-async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
+async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver, under_way: &UnderWay) {
     let watch = Watch::new(TaskId::bus_receiver(bus));
     let budget = TaskBudget::new(Urgency::Bus).await;
     let mut chunk = [0; CHUNK];
@@ -66,6 +79,10 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
             Ok(length) => {
                 let bytes = chunk.get(..length).unwrap_or_default();
                 defmt::trace!("bus {=u8}: heard {=[u8]:02x}", bus, bytes);
+                // Where there was much to do a whole reply may be among them.
+                if receiver.events.has_sent() {
+                    transmitted(gateway, bus, under_way);
+                }
                 gateway.handle(Event::SerialReceived { bus, bytes });
             }
             Err(Overflow) => {
@@ -81,20 +98,24 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver) {
     }
 }
 
-/// Frames from the core to the bus, until the setup changes or a frame does not leave.
+/// Frames from the core to the bus, until the setup changes.
 async fn send(
     gateway: &SharedGateway,
     bus: u8,
     sender: &mut Sender,
     setup: BusSetup,
+    under_way: &UnderWay,
     watch: &Watch,
 ) {
     let mut heard = None;
-    while gateway.bus_setup(bus) == Some(setup) {
+    loop {
         watch.check_in();
         sender.between_bytes().await;
         // Each wait may have taken long where there is much to do.
         watch.check_in();
+        if gateway.bus_setup(bus) != Some(setup) {
+            return;
+        }
         match gateway.poll_transmit(bus) {
             Some(Transmit { slot, frame: Outgoing::Serial(bytes), .. }) => {
                 defmt::trace!("bus {=u8}: sends {=[u8]:02x}", bus, bytes);
@@ -104,7 +125,9 @@ async fn send(
                 if before == heard {
                     sender.events.ask_for_restart();
                 }
+                under_way.set(Some(slot));
                 if sender.send(&bytes).await.is_err() {
+                    under_way.set(None);
                     defmt::warn!(
                         "bus {=u8}: {=usize} bytes did not leave in time",
                         bus,
@@ -113,9 +136,10 @@ async fn send(
                     // The frame is lost: the core stops what was armed here and starts the bus
                     // again.
                     report(gateway, bus, BusState::BusOff);
+                    gateway.other_bus_setup(bus, Some(setup), watch).await;
                     return;
                 }
-                gateway.handle(Event::Transmitted { bus, slot });
+                transmitted(gateway, bus, under_way);
             }
             Some(Transmit { frame: Outgoing::Can(_), .. }) => {
                 defmt::error!("bus {=u8}: a CAN frame for RS485", bus)
