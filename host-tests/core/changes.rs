@@ -52,6 +52,27 @@ fn settings(rig: &mut Rig, axis: u8, first: u16) -> replies::AxisSettings {
     }
 }
 
+/// A list takes milliseconds, in which no first stop of an axis that has just tripped could leave.
+#[test]
+fn a_list_that_comes_with_an_e_stop_waits_for_its_first_stops() {
+    let mut rig = bench::rmd_axes(8);
+    for axis in 0..8 {
+        bench::arm_axis(&mut rig, axis);
+    }
+    let rows = [longer(), limit(9, Some(5.0))];
+    begin(&mut rig);
+    add(&mut rig, &rows).unwrap();
+    rig.send(&Request::EStop(requests::EStop {}));
+    let list = rig.send(&Request::ApplyChanges(requests::ApplyChanges {}));
+    rig.run(5_000);
+    let answer = rig.answer(list);
+    assert!(matches!(answer, Some(Err(Error::NotIdle { .. }))), "{answer:?}");
+    // Then they have left.
+    begin(&mut rig);
+    add(&mut rig, &rows).unwrap();
+    apply(&mut rig).unwrap();
+}
+
 /// Three axes and the link silence change together, and the board is reset behind each word of what
 /// is stored for it.
 #[test]

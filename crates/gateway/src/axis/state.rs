@@ -381,6 +381,11 @@ impl Axis {
         }
     }
 
+    /// Its first stop command has still to leave, and may.
+    pub fn is_about_to_stop(&self) -> bool {
+        self.stop().is_some_and(|stop| !stop.has_left() && !stop.is_not_sent())
+    }
+
     /// Leaves a trip whose stop the motor does not confirm, or a stop that cannot be sent. Unsafe:
     /// the motor may be turning.
     pub fn clear_unreachable(&mut self, out: &mut Outbox<'_>) -> Result<(), Error> {

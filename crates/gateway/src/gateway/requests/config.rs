@@ -181,7 +181,8 @@ impl Gateway {
             if matches!(
                 state,
                 AxisState::Arming | AxisState::Armed | AxisState::Active | AxisState::Stopping
-            ) {
+            ) || axis.is_about_to_stop()
+            {
                 return Err(Error::NotIdle { axis: axis.index, state });
             }
         }
