@@ -19,7 +19,7 @@ const REASONS: usize = FrameError::ALL.len();
 pub(crate) struct Told {
     number: u16,
     /// Events that were lost before it.
-    pub lost: u32,
+    lost: u32,
     time_us: u64,
     /// The body behind `dropped`: what it means a later version may know alone.
     rest: Vec<u8>,
@@ -33,11 +33,6 @@ impl Told {
         let EventMessage { time_us, event, .. } = EventMessage::decode(number, body).ok()?;
         let sample = matches!(event, Event::Sample { .. }).then_some(event);
         Some(Self { number, lost, time_us, rest: rest.to_vec(), sample })
-    }
-
-    /// It tells of a period of the free-running cycle, and is for the program that runs it.
-    pub fn is_of_cycle(&self) -> bool {
-        self.number == CycleEvent::NUMBER
     }
 
     pub fn time_us(&self) -> u64 {
@@ -107,8 +102,9 @@ impl Inbox {
         if !self.is_open {
             return;
         }
+        self.count_lost(told.lost);
         let Some(event) = &told.sample else {
-            let latest = told.is_of_cycle().then_some(Latest::Cycle);
+            let latest = (told.number == CycleEvent::NUMBER).then_some(Latest::Cycle);
             return self.wait(told.number, told.rest.clone(), latest);
         };
         let Some(subscription) = subscription else { return };

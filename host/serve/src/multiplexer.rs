@@ -3,9 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use host_protocol::requests::{
-    Hello, Ping, ReleaseAuthority, RunCycle, SUBSCRIPTION_PERIOD_US, Subscribe,
-};
+use host_protocol::requests::{Hello, Ping, ReleaseAuthority, SUBSCRIPTION_PERIOD_US, Subscribe};
 use host_protocol::{
     Call, Deframer, Error, Frame, Kind, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StateFields,
 };
@@ -74,8 +72,6 @@ pub struct Multiplexer {
     in_command: Option<ProgramId>,
     /// How often that has changed.
     claims: u64,
-    /// The program that has begun or ended the free-running cycle last.
-    runs_cycle: Option<ProgramId>,
     /// Stops of programs that have gone.
     last_words: VecDeque<Ask>,
     /// Whose turn it was last.
@@ -104,7 +100,6 @@ impl Multiplexer {
             opened: 0,
             in_command: None,
             claims: 0,
-            runs_cycle: None,
             last_words: VecDeque::new(),
             turn: 0,
             subscribed: nothing(),
@@ -299,11 +294,9 @@ impl Multiplexer {
         self.next_event = Some(frame.sequence.wrapping_add(1));
         let Some(told) = Told::read(frame.number, frame.body) else { return };
         self.gateway_us = told.time_us();
-        for (id, program) in &mut self.programs {
-            program.inbox.count_lost(u32::from(missing).saturating_add(told.lost));
-            if !told.is_of_cycle() || self.runs_cycle == Some(*id) {
-                program.tell(&told, self.subscribed.period_us);
-            }
+        for program in self.programs.values_mut() {
+            program.inbox.count_lost(missing.into());
+            program.tell(&told, self.subscribed.period_us);
         }
     }
 
@@ -349,9 +342,6 @@ impl Multiplexer {
         if releases && self.in_command == Some(id) {
             self.in_command = None;
             self.claims += 1;
-        }
-        if asked.ask.number == RunCycle::NUMBER && error.is_none() {
-            self.runs_cycle = Some(id);
         }
         if asked.ask.number == Subscribe::NUMBER
             && error.is_some()

@@ -86,7 +86,7 @@ fn sixteen_setpoints_in_one_piece_all_have_their_results() {
 }
 
 #[test]
-fn a_period_of_the_cycle_is_told_to_who_runs_it_and_the_newest_takes_the_place_of_others() {
+fn of_the_periods_of_a_cycle_the_newest_waits_for_who_does_not_read() {
     let bench = Bench::new();
     let (mut first, mut other) = (bench.program(), bench.program());
     let epoch = turn(&mut first);
@@ -101,7 +101,7 @@ fn a_period_of_the_cycle_is_told_to_who_runs_it_and_the_newest_takes_the_place_o
     let is_cycle = |frames: &[(Kind, u16, u16, Vec<u8>)]| {
         frames.iter().filter(|(.., number, _)| *number == CycleEvent::NUMBER).count()
     };
-    assert_eq!(is_cycle(&frames(other.transport_mut())), 0);
+    assert!(is_cycle(&frames(other.transport_mut())) > 50);
     bench.set_reads(first.transport().id, true);
     bench.run(MS);
     assert!((1..3).contains(&is_cycle(&frames(first.transport_mut()))));
