@@ -205,8 +205,8 @@ pub(crate) struct Axis {
     /// Requests to clear it that are under way, and when one had its result.
     pub clearing: u32,
     pub cleared_us: Option<u64>,
-    /// Native stops that were asked for while it was idle; one that was refused stands here too,
-    /// and so does the one under way.
+    /// Native stops that were asked for while it was idle or arming; one that was refused stands
+    /// here too, and so does the one under way.
     pub native_stops: Vec<Vec<u8>>,
     /// A host has asked, while it held, that its motor's output be switched off.
     pub output_off_asked: bool,

@@ -1,7 +1,7 @@
 //! What hosts ask for: authority, permissions, stops (G1, G2, G9).
 
 use super::together::bit_of;
-use crate::axis::{Cause, Permit, Start};
+use crate::axis::{Axis, Cause, Permit, Start};
 use crate::link::Arrival;
 use crate::motor::Purpose;
 use crate::oracle::Oracle;
@@ -131,8 +131,9 @@ impl Oracle {
             }
             Request::Native { axis, epoch, expires_at_us, data } => {
                 let protocol = self.axes.get(usize::from(axis)).and_then(|axis| axis.protocol());
-                if let Some(axis) =
-                    self.axes.get_mut(usize::from(axis)).filter(|axis| axis.told == Told::Idle)
+                // Allowance: arming may end at the very instant at which it is asked.
+                let may_take = |axis: &&mut Axis| matches!(axis.told, Told::Idle | Told::Arming);
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)).filter(may_take)
                     && protocol.map(|protocol| protocol.purpose(&data)) == Some(Purpose::Stop)
                     && !axis.native_stops.contains(&data)
                 {
