@@ -237,12 +237,17 @@ impl<T: Transport> Client<T> {
         Ok(())
     }
 
-    /// Arming an axis is about to be asked for: it is stopped with the others.
-    pub(crate) fn note_arming(&mut self, axis: u8) {
-        self.armed.push(axis);
+    /// Arming an axis is about to be asked for: it is stopped with the others. Whether it was not
+    /// to be stopped before: who is refused must not forget what an earlier request has armed.
+    pub(crate) fn note_arming(&mut self, axis: u8) -> bool {
+        let is_new = !self.armed.contains(&axis);
+        if is_new {
+            self.armed.push(axis);
+        }
+        is_new
     }
 
-    /// It was refused.
+    /// It was refused, and nothing before has armed it.
     pub(crate) fn forget_arming(&mut self, axis: u8) {
         self.armed.retain(|armed| *armed != axis);
     }

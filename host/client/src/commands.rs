@@ -335,10 +335,10 @@ impl<T: Transport> Client<T> {
         // the axis.
         self.heed_interrupt(ask::Arm::NUMBER)?;
         // Noted before it is asked for: an answer that is lost may have armed it all the same.
-        self.note_arming(axis);
+        let is_new = self.note_arming(axis);
         let armed =
             self.request_within(&ask::Arm { axis }, MOTOR_DEADLINE).inspect_err(|error| {
-                if matches!(error, ClientError::Gateway(_)) {
+                if is_new && matches!(error, ClientError::Gateway(_)) {
                     self.forget_arming(axis);
                 }
             })?;

@@ -76,10 +76,10 @@ impl<T: Transport> Client<T> {
         let request = ask::ArmTogether { axes: mask(axes.iter().copied())? };
         self.heed_interrupt(ask::ArmTogether::NUMBER)?;
         // Noted before it is asked for: an answer that is lost may have armed them all the same.
-        axes.iter().for_each(|axis| self.note_arming(*axis));
+        let new: Vec<u8> = axes.iter().copied().filter(|axis| self.note_arming(*axis)).collect();
         let armed = self.request_within(&request, MOTOR_DEADLINE).inspect_err(|error| {
             if matches!(error, ClientError::Gateway(_)) {
-                axes.iter().for_each(|axis| self.forget_arming(*axis));
+                new.iter().for_each(|axis| self.forget_arming(*axis));
             }
         })?;
         // An interrupt may have come with the answer.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::line::{LATENCY, Scripted, error_bytes, healthy};
 use host_protocol::messages::request_name;
-use host_protocol::{AxisState, Error, Quantity, Request, Setpoint};
+use host_protocol::{AxisState, Error, Quantity, Request, Setpoint, StopTarget};
 use mgw_client::{Client, ClientError, Hold, Interrupt};
 
 const TTL: Duration = Duration::from_millis(100);
@@ -261,4 +261,33 @@ fn an_interrupt_between_two_due_setpoints_is_followed_by_the_stops() {
     let refused = client.set(0, 9, Setpoint::Velocity { velocity_rad_s: 2.0 }, TTL);
     assert!(matches!(refused, Err(ClientError::Interrupted { armed: true })), "{refused:?}");
     assert_eq!(heard.borrow().iter().filter(|name| **name == "Setpoint").count(), 1);
+}
+
+/// A second request for what is armed is refused: the axis is to be stopped all the same.
+#[test]
+fn an_axis_whose_arming_is_refused_because_it_is_armed_is_still_stopped() {
+    for together in [false, true] {
+        let stops = Rc::new(RefCell::new(Vec::new()));
+        let (asked, told) = (Rc::new(RefCell::new(0)), stops.clone());
+        let line = Scripted::new(move |heard| {
+            match &heard.request {
+                Request::Stop(stop) => told.borrow_mut().push(stop.target),
+                Request::Arm(_) | Request::ArmTogether(_) => *asked.borrow_mut() += 1,
+                _ => {}
+            }
+            let is_arming = matches!(heard.request, Request::Arm(_) | Request::ArmTogether(_));
+            if is_arming && *asked.borrow() > 1 {
+                let refusal = Error::NotIdle { axis: 0, state: AxisState::Armed };
+                return vec![(2 * LATENCY, error_bytes(heard.sequence, &refusal))];
+            }
+            healthy(heard)
+        });
+        let mut client = Client::connect_as(line, 1, 0).unwrap();
+        client.arm(0).unwrap();
+        let refused =
+            if together { client.arm_together(&[0, 1]).map(drop) } else { client.arm(0).map(drop) };
+        assert!(matches!(refused, Err(ClientError::Gateway(Error::NotIdle { .. }))));
+        client.stop_armed().unwrap();
+        assert_eq!(*stops.borrow(), [StopTarget::Axis(0)], "together: {together}");
+    }
 }
