@@ -40,6 +40,7 @@ mod motors;
 mod names;
 mod natives;
 mod obedience;
+mod period_reads;
 mod pins;
 mod plan;
 mod raw_access;

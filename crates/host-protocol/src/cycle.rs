@@ -347,23 +347,9 @@ pub fn cycle_frame_bytes(axes: u32, fields: StateFields) -> (usize, usize) {
     let mut report =
         CycleReport { time_us: FixedU32(u32::MAX), fields, axes: 0, states: Bytes::new() };
     let mut setpoints = crate::Vec::new();
-    let wanted = (0..32_u8).filter(|axis| axes >> *axis & 1 != 0).take(MAX_CYCLE_AXES);
-    for axis in wanted {
+    for state in longest_states(axes) {
         let _ = setpoints.push(setpoint);
-        // What is not known is told by the longest number.
-        report.push(CycleState {
-            axis,
-            state: AxisState::Active,
-            result: CycleResult::Answered,
-            age_us: u32::MAX,
-            position_rad: None,
-            velocity_rad_s: None,
-            current_a: None,
-            voltage_v: None,
-            motor_temperature_c: None,
-            driver_temperature_c: None,
-            faults: Some(u16::MAX),
-        });
+        report.push(state);
     }
     let cycle =
         Request::Cycle(crate::requests::Cycle { epoch, expires_at_us, fields, axes, setpoints });
@@ -371,6 +357,25 @@ pub fn cycle_frame_bytes(axes: u32, fields: StateFields) -> (usize, usize) {
     let out = cycle.encode_frame(u16::MAX, &mut frame).unwrap_or(0);
     let back = Reply::Cycle(report).encode_frame(u16::MAX, &mut frame).unwrap_or(0);
     (out, back)
+}
+
+/// Of each of these axes, as many as a cycle can have, a state as long as it gets: what is not known
+/// is told by the longest number.
+pub(crate) fn longest_states(axes: u32) -> impl Iterator<Item = CycleState> {
+    let wanted = (0..32_u8).filter(move |axis| axes >> *axis & 1 != 0).take(MAX_CYCLE_AXES);
+    wanted.map(|axis| CycleState {
+        axis,
+        state: AxisState::Active,
+        result: CycleResult::Answered,
+        age_us: u32::MAX,
+        position_rad: None,
+        velocity_rad_s: None,
+        current_a: None,
+        voltage_v: None,
+        motor_temperature_c: None,
+        driver_temperature_c: None,
+        faults: Some(u16::MAX),
+    })
 }
 
 #[cfg(test)]

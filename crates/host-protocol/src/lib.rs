@@ -68,7 +68,7 @@ pub use can_frame::{CanFrame, MAX_CAN_DATA};
 pub use can_id::{CanId, NoCanId};
 pub use changes::{Change, Setting, StoredState};
 pub use cycle::{CycleResult, CycleState, FixedU32, MAX_CYCLE_AXES, cycle_frame_bytes};
-pub use cycle_event::{CycleEvent, CycleMessage, Overruns, SlowState};
+pub use cycle_event::{CycleEvent, CycleMessage, Overruns, SlowState, cycle_event_bytes};
 pub use deframer::Deframer;
 pub use encode::{EncodeError, encode, encode_body, frame_message, write_message};
 pub use errors::{ERRORS, Error, NoReplyHint, TogetherBar};

@@ -7,7 +7,7 @@ use crate::outbox::Outbox;
 use crate::protocol::{self, Command, Exchange, Info, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
 use crate::transaction::{Match, MotionMark, Outcome, Transaction};
-use host_protocol::{CycleResult, TripReason};
+use host_protocol::{CycleResult, Error, TripReason};
 use serde::{Deserialize, Serialize};
 
 /// Since when something is overdue that goes before all other polls.
@@ -327,6 +327,9 @@ impl Axis {
             self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
             return;
         }
+        let faults = self.measured.fault_word();
+        let error = Error::Refused { axis: self.index, faults }.number();
+        self.part_over(request, CycleResult::Refused { error });
         self.stop_goes_on(now, request, &Outcome::Refused, out);
         self.job_refused(now, request.exchange, out);
     }

@@ -8,7 +8,9 @@ use super::state::State;
 use crate::protocol::{self, Exchange, Info};
 use crate::time::Instant;
 use crate::transaction::Transaction;
-use host_protocol::{CycleResult, CycleState, Error, SlowState, StateField, StateFields};
+use host_protocol::{
+    CycleEvent, CycleResult, CycleState, Error, SlowState, StateField, StateFields,
+};
 use serde::{Deserialize, Serialize};
 
 /// What reads the fields that are told of every axis.
@@ -30,6 +32,8 @@ pub(super) struct Part {
     motion: Option<u32>,
     /// What has still to be read, a bit for each of [`READS`].
     reads: u8,
+    /// What is told in turns is wanted, too: polls ask for it.
+    tells_slow: bool,
     result: CycleResult,
     /// That of the period before.
     before: CycleResult,
@@ -41,6 +45,7 @@ impl Part {
         next: Instant::from_micros(0),
         motion: None,
         reads: 0,
+        tells_slow: false,
         result: CycleResult::Superseded,
         before: CycleResult::Superseded,
     };
@@ -74,6 +79,7 @@ impl Axis {
             next,
             motion: None,
             reads: 0,
+            tells_slow: fields.bits() & !CycleEvent::FAST.bits() != 0,
             result: CycleResult::Answered,
             before: self.part.told(),
         };
@@ -92,7 +98,7 @@ impl Axis {
                 return;
             }
         }
-        part.reads = self.reads_for(fields, is_told);
+        part.reads = self.period_reads(fields, is_told).fold(0, |reads, read| reads | bit_of(read));
         self.part = part;
     }
 
@@ -103,17 +109,23 @@ impl Axis {
 
     /// What is read in a period beside the setpoint: what its reply does not tell. `is_told`: that
     /// tells the state.
-    fn reads_for(&self, fields: StateFields, is_told: bool) -> u8 {
-        let Some(info) = Info::of_axis(&self.config) else { return 0 };
-        let wanted = |(exchange, field): (Exchange, StateField)| match info.angle {
+    pub fn period_reads(
+        &self,
+        fields: StateFields,
+        is_told: bool,
+    ) -> impl Iterator<Item = Exchange> {
+        let info = Info::of_axis(&self.config);
+        let wanted = move |(exchange, field): (Exchange, StateField)| match info?.angle {
             // One reply tells all of them.
-            Some(_) => exchange == Exchange::Velocity && !is_told,
-            None => fields.contains(field) && self.can(exchange),
+            Some(_) => (exchange == Exchange::Velocity && !is_told).then_some(exchange),
+            None => (fields.contains(field) && self.can(exchange)).then_some(exchange),
         };
-        (0..)
-            .zip(READS)
-            .filter(|(_, read)| wanted(*read))
-            .fold(0, |reads, (bit, _)| reads | 1 << bit)
+        READS.into_iter().filter_map(wanted)
+    }
+
+    /// Whether a cycle tells in turns what polls read.
+    pub(super) fn part_tells_slow(&self) -> bool {
+        self.part.tells_slow
     }
 
     /// What is to be read next in the period, and since when.
@@ -124,8 +136,9 @@ impl Axis {
 
     /// What keeps the part of the axis from its end; nothing where it has ended.
     pub fn part_waits(&self, now: Instant) -> Option<Waits> {
-        // A late reply is let pass before the next request.
-        let is_held_off = self.transactions.not_before(true, now) > now;
+        // A late reply is let pass before the next request, but before a setpoint none to a poll.
+        let is_motion = self.part.motion.is_some();
+        let is_held_off = self.transactions.not_before(is_motion, now) > now;
         let is_awaited = self.transactions.is_awaited() || is_held_off;
         self.has_part().then_some(if is_awaited { Waits::ForMotor } else { Waits::ForBus })
     }
@@ -144,15 +157,15 @@ impl Axis {
         if !part.is_open() || is_earlier && result != CycleResult::NoReply {
             return;
         }
-        let bit = READS.iter().position(|(exchange, _)| *exchange == request.exchange);
+        let read = bit_of(request.exchange);
         let is_of_part = match request.exchange {
             // What was put on the bus before the period may have left in it.
             Exchange::Motion => {
                 part.motion.take_if(|owed| !is_older(request.motion, *owed)).is_some()
             }
-            _ => bit.is_some_and(|bit| part.reads & 1 << bit != 0),
+            _ => part.reads & read != 0,
         };
-        part.reads &= !bit.map_or(0, |bit| 1 << bit);
+        part.reads &= !read;
         if is_of_part && part.result == CycleResult::Answered {
             part.result = result;
         }
@@ -166,12 +179,17 @@ impl Axis {
     }
 
     /// From when on a new setpoint is to be sent: in the place of one that this period still owes;
-    /// else from the next period on, which is well within its refresh time; at once where that is
-    /// not so, or there is no cycle.
-    pub(super) fn motion_due(&self, now: Instant) -> Instant {
+    /// else from the next period on, which is well within its refresh time and its life; at once
+    /// where that is not so, or there is no cycle.
+    pub(super) fn motion_due(&self, now: Instant, expires: Option<Instant>) -> Instant {
         let next = self.part.next;
+        if next <= now {
+            return now;
+        }
         let is_owed = self.motion().and_then(|motion| motion.due).is_some_and(|due| due <= now);
-        let may_wait = next > now && next.since(now).times(2) <= self.refresh() && !is_owed;
+        let refresh = self.refresh();
+        let within = expires.map_or(refresh, |at| at.since(now).min(refresh));
+        let may_wait = next.since(now).times(2) <= within && !is_owed;
         if may_wait { next } else { now }
     }
 
@@ -192,6 +210,11 @@ impl Axis {
             faults: self.faults(now).filter(|_| fields.contains(StateField::Faults)),
         }
     }
+}
+
+/// Which of [`READS`] an exchange is; nothing where it is none.
+fn bit_of(exchange: Exchange) -> u8 {
+    READS.iter().position(|(read, _)| *read == exchange).map_or(0, |bit| 1 << bit)
 }
 
 /// Whether a setpoint came before another.

@@ -281,11 +281,12 @@ impl Axis {
         usize::try_from(every.clamp(2, RUN_TIME_EVERY)).unwrap_or(2)
     }
 
-    /// Whether what an exchange reads is limited by the configuration, or a host watches the
-    /// axis.
+    /// Whether what an exchange reads is limited by the configuration, or a host watches the axis
+    /// or has a cycle tell of it.
     fn is_asked_for(&self, exchange: Exchange) -> bool {
         let limited = |parameter| self.config.float(parameter).is_some();
         self.watched
+            || self.part_tells_slow()
             || match exchange {
                 Exchange::Current => limited(AxisParameter::CurrentLimitA),
                 Exchange::MotorTemperature | Exchange::DriverTemperature => {

@@ -186,7 +186,7 @@ impl Axis {
     ) {
         let is_in_force = self.is_in_force(&command);
         self.end_cycle(CycleResult::Superseded);
-        let due = self.motion_due(now);
+        let due = self.motion_due(now, expires);
         let Some(armed) = self.armed_mut() else { return };
         armed.echo.is_doubtful &= is_in_force;
         armed.motions = armed.motions.wrapping_add(1);

@@ -4,14 +4,16 @@ use super::frame_bits::{least_frame_bits, longest_frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits, serial_of};
 use super::{Bus, bits_at};
 use crate::axis::Axis;
-use crate::protocol::{self, Exchange};
+use crate::protocol::{self, Exchange, Info};
 use crate::time::Duration;
 use core::num::NonZeroU64;
-use host_protocol::{BusConfig, BusKind, Error};
+use host_protocol::{BusConfig, BusKind, Error, StateFields};
 
 /// The part of a bus's time that refresh and polls may take; the rest is for stops, jobs and
 /// retries. Permille.
 const AVAILABLE_PERMILLE: u32 = 800;
+/// A motor's answer has at most so many data bytes.
+pub(super) const REPLY_BYTES: usize = 8;
 /// What a motor on RS485 takes to begin its reply.
 pub(super) const SERIAL_TURNAROUND: Duration = Duration::from_micros(250);
 
@@ -29,7 +31,14 @@ pub(crate) fn check<'a>(
         // Behind them nothing is to come for a while, before the next request.
         let quiet = if objections > 0 { STOP_DELAY + frame } else { Duration::ZERO };
         let exchange = exchange + frame.times(objections) + quiet;
-        needed_permille(axis, exchange, frame)
+        // The others are kept waiting as if an answer could come.
+        let motion = match replies_to_motion(axis) {
+            0 => exchange + unanswered_wait(bus.kind(), config),
+            replies => exchange + frame.times(replies - 1),
+        };
+        share(motion, axis.refresh())
+            + polled_permille(axis, exchange)
+            + streamed_permille(axis, frame)
     };
     let needed: u64 = axes.clone().map(needed_by).sum();
     let needed = u32::try_from(needed).unwrap_or(u32::MAX);
@@ -60,53 +69,67 @@ fn exchange_time(kind: BusKind, frame_bits: u64, config: &BusConfig) -> Duration
     }
 }
 
-/// The shortest period in which the bus might serve these of its axes: one exchange with each, no
-/// bit stuffed and no motor slow, beside the polls of their fault words and what they send by
-/// themselves; `None` where those leave no time.
+/// The shortest period in which the bus might serve these of its axes: a setpoint to each and what
+/// a cycle that tells these fields reads beside it, no bit stuffed and no motor slow, beside the
+/// polls of their fault words and what they send by themselves; `None` where those leave no time.
 pub(crate) fn shortest_period<'a>(
     bus: &Bus,
     config: &BusConfig,
     axes: impl Iterator<Item = &'a Axis>,
+    fields: StateFields,
 ) -> Option<Duration> {
     const SECOND_US: u64 = 1_000_000;
     let (mut cycle, mut others_us) = (Duration::ZERO, 0);
     for axis in axes {
-        let replies = u64::from(protocol::replies_to_motion(&axis.config));
-        let exchange = |request_bytes, replies| {
-            let bits = match bus.kind() {
-                BusKind::Can => {
-                    let id = protocol::reply_id(&axis.config);
-                    least_frame_bits(id, request_bytes) + replies * least_frame_bits(id, 8)
-                }
-                BusKind::Rs485 => 2 * serial_frame_bits(serial_of(config.protocols)),
-            };
-            bits_at(bits, config.bitrate)
+        let id = protocol::reply_id(&axis.config);
+        let frame = |bytes| match bus.kind() {
+            BusKind::Can => least_frame_bits(id, bytes),
+            BusKind::Rs485 => serial_frame_bits(serial_of(config.protocols)),
         };
-        let bytes = |exchange| {
-            let command = protocol::command(exchange, &axis.config)?;
-            Some(protocol::to_can(&command, &axis.config)?.data().len())
+        let time = |bits| bits_at(bits, config.bitrate);
+        let reply = frame(REPLY_BYTES);
+        let exchange = |exchange, replies| {
+            let command = protocol::command(exchange, &axis.config);
+            let sent = command.and_then(|command| protocol::to_can(&command, &axis.config));
+            time(frame(sent.map_or(0, |frame| frame.data().len())) + replies * reply)
         };
         // A setpoint has as many bytes as a stop.
-        cycle = cycle + exchange(bytes(Exchange::Stop).unwrap_or(0), replies);
-        let poll = exchange(bytes(Exchange::Faults).unwrap_or(0), 1);
+        let replies = replies_to_motion(axis);
+        cycle = cycle + exchange(Exchange::Stop, replies);
+        if replies == 0 {
+            cycle = cycle + unanswered_wait(bus.kind(), config);
+        }
+        let reads = axis.period_reads(fields, tells_speed(axis));
+        cycle = reads.fold(cycle, |cycle, read| cycle + exchange(read, 1));
         let in_a_second = |time: Duration, every: Duration| {
             time.as_micros() * SECOND_US / every.as_micros().max(1)
         };
-        others_us += in_a_second(poll, axis.config.fault_poll());
+        others_us += in_a_second(exchange(Exchange::Faults, 1), axis.config.fault_poll());
         if let Some(stream) = protocol::stream(&axis.config) {
-            let frame = exchange(0, 1);
-            others_us += in_a_second(frame.times(stream.frames), stream.interval);
+            others_us += in_a_second(time(reply).times(stream.frames), stream.interval);
         }
     }
     let left_us = NonZeroU64::new(SECOND_US.saturating_sub(others_us))?;
     Some(Duration::from_micros(cycle.as_micros() * SECOND_US / left_us))
 }
 
-/// The share of the bus that one axis takes while it is moving. `frame`: what each further reply to
-/// a motion takes.
-fn needed_permille(axis: &Axis, exchange: Duration, frame: Duration) -> u64 {
-    let motion = exchange + frame.times(u64::from(protocol::replies_to_motion(&axis.config)) - 1);
-    share(motion, axis.refresh()) + polled_permille(axis, exchange) + streamed_permille(axis, frame)
+/// How many frames answer a setpoint; none where the motor answers no writes.
+pub(super) fn replies_to_motion(axis: &Axis) -> u64 {
+    let replies = protocol::replies_to_motion(&axis.config);
+    if protocol::answers_stops(&axis.config) { replies.into() } else { 0 }
+}
+
+/// How long the bus is kept for an answer to what is not answered: a line has no arbitration.
+pub(super) fn unanswered_wait(kind: BusKind, config: &BusConfig) -> Duration {
+    match kind {
+        BusKind::Can => Duration::ZERO,
+        BusKind::Rs485 => Duration::from_micros(config.reply_window_us.into()),
+    }
+}
+
+/// Whether the reply to a setpoint tells the speed, but for one of impedance.
+pub(super) fn tells_speed(axis: &Axis) -> bool {
+    Info::of_axis(&axis.config).is_some_and(|info| info.motion_tells_speed)
 }
 
 /// The share of the bus that the polls of an axis take, each of which takes `poll`, while setpoints

@@ -3,7 +3,10 @@
 
 use super::frame_bits::{STANDARD_FRAME_BITS, frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits};
-use super::load::{objections, polled_permille, share, shortest_period, streamed_permille};
+use super::load::{
+    REPLY_BYTES, objections, polled_permille, replies_to_motion, share, shortest_period,
+    streamed_permille, tells_speed, unanswered_wait,
+};
 use super::schedule::MAX_OUTSTANDING;
 use super::{Bus, bits_at};
 use crate::MAX_AXES;
@@ -14,10 +17,8 @@ use crate::set::Set;
 use crate::time::Duration;
 use core::num::NonZeroU64;
 use heapless::Vec;
-use host_protocol::{BusKind, Setpoint};
+use host_protocol::{BusKind, Setpoint, StateFields};
 
-/// A motor's answer has at most so many data bytes.
-const REPLY_BYTES: usize = 8;
 /// Setpoints that tell the fixed bytes of a command from its value: of one step up and one down all
 /// bits of a value in two's complement differ.
 const STEPS: [[Setpoint; 2]; 3] = [
@@ -38,6 +39,10 @@ pub struct Assumptions {
     pub software: Duration,
     /// The axes that take part.
     pub axes: Set,
+    /// Those of them that are given impedance setpoints, whose replies do not tell the speed.
+    pub impedance: Set,
+    /// What a free-running cycle tells of every axis.
+    pub fields: StateFields,
 }
 
 impl Assumptions {
@@ -46,12 +51,14 @@ impl Assumptions {
     /// What the software takes, as in the bounds of the stops.
     pub const SOFTWARE: Duration = super::bounds::SOFTWARE;
 
-    /// Nobody else talks, and all axes take part.
+    /// Nobody else talks, all axes take part, and nothing is read beside setpoints.
     pub const DEFAULT: Self = Self {
         reply_delay: [Self::REPLY_DELAY; MAX_AXES],
         foreign_frames_s: 0,
         software: Self::SOFTWARE,
         axes: Set::ALL,
+        impedance: Set::NONE,
+        fields: StateFields::of(&[]),
     };
 }
 
@@ -63,14 +70,19 @@ pub struct BusPlan {
     pub wire: Duration,
     /// From the first bit of a cycle to the last bit of its last reply, on a bus to itself.
     pub cycle: Duration,
-    /// The period at which the cycle repeats beside everything else on the bus; `None` where
+    /// How often one `Cycle` can follow another beside everything else on the bus; `None` where
     /// nothing is left for it.
+    pub repeat: Option<Duration>,
+    /// The period that `RunCycle` holds beside everything else: setpoints, and what is read beside
+    /// them; `None` where nothing is left for it. One with polls in it may end later than the next
+    /// begins.
     pub period: Option<Duration>,
+    /// From this period on none does.
+    pub steady: Option<Duration>,
     /// Below this `RunCycle` is refused: no bit stuffed and no motor slow, fault words are polled
     /// all the same. What lies between it and `period` may hold.
     pub shortest: Option<Duration>,
-    /// What a single cycle takes at most: beside everything else, and behind a poll and a foreign
-    /// frame that are under way.
+    /// What a single `Cycle` takes at most: beside everything else, and behind a poll of each axis.
     pub longest: Option<Duration>,
     /// The bus's time that polls take, permille.
     pub polls_permille: u64,
@@ -78,6 +90,8 @@ pub struct BusPlan {
     pub streams_permille: u64,
     /// And what others send, permille.
     pub foreign_permille: u64,
+    /// How long a reply is awaited.
+    pub reply_window: Duration,
     /// The axes that take part, in their order.
     pub axes: Vec<AxisPlan, MAX_AXES>,
 }
@@ -94,19 +108,24 @@ pub struct AxisPlan {
     pub reply_bits: u64,
     /// Frames that answer a setpoint.
     pub replies: u64,
+    /// Requests of a period of `RunCycle` beside the setpoint.
+    pub reads: u64,
     /// How long its motor takes to begin its reply.
     pub reply_delay: Duration,
     /// From the first bit of the cycle to the last bit of its reply, on a bus to itself.
     pub answered: Duration,
+    /// From the last bit of a request to that of its reply, at most, while all that `steady` has
+    /// room for goes first: the reply window of the bus must be as long.
+    pub reply_within: Duration,
     /// Within what time its stop has left, after its cause, where it alone stops.
     pub stop_alone: Duration,
     /// And where every axis of the bus stops with it.
     pub stop_together: Duration,
 }
 
-/// One axis's part of a cycle on the bus.
+/// A request and what answers it.
 #[derive(Debug, Clone, Copy)]
-struct Part {
+struct Step {
     request: Duration,
     replies: Duration,
     delay: Duration,
@@ -114,7 +133,7 @@ struct Part {
     quiet: Duration,
 }
 
-impl Part {
+impl Step {
     fn frames(self) -> Duration {
         self.request + self.replies
     }
@@ -124,6 +143,16 @@ impl Part {
     }
 }
 
+/// One axis's part of a cycle on the bus: a setpoint, behind so many other requests, the first of
+/// several being the setpoint before, and then so many reads and polls.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    before: u64,
+    motion: Step,
+    behind: u64,
+    poll: Step,
+}
+
 impl Bus {
     /// What the bus can do if this is so; `None` where it is not configured.
     pub fn plan(&self, axes: &Axes, assumed: &Assumptions) -> Option<BusPlan> {
@@ -131,10 +160,10 @@ impl Bus {
         let here = || self.axes_here(axes).filter(|axis| assumed.axes.has(axis.index));
         let mut plans: Vec<AxisPlan, MAX_AXES> = Vec::new();
         let mut parts: Vec<Part, MAX_AXES> = Vec::new();
+        let mut refreshes: Vec<(Duration, u64), MAX_AXES> = Vec::new();
         let foreign = self.frame_time(u64::from(assumed.foreign_frames_s));
         let foreign_permille = share(foreign, Duration::from_millis(1_000));
-        let (mut polls_permille, mut streams_permille) = (0, 0);
-        let mut longest_poll = Duration::ZERO;
+        let (mut polls_permille, mut longest_wait_permille, mut streams_permille) = (0, 0, 0);
         let bounds = self.bounds.beside_foreign(foreign_permille);
         let all = self.here(axes).len().into();
         for axis in here() {
@@ -142,7 +171,9 @@ impl Bus {
             let delay = delay.copied().unwrap_or(Assumptions::REPLY_DELAY);
             let (request_bits, reply_bits) = self.motion_bits(axis);
             let poll_bits = self.poll_bits(axis).max(request_bits);
-            let replies = u64::from(protocol::replies_to_motion(&axis.config));
+            let replies = replies_to_motion(axis);
+            let is_told = tells_speed(axis) && !assumed.impedance.has(axis.index);
+            let reads = axis.period_reads(assumed.fields, is_told).count() as u64;
             let objections = objections(axis, self.axes_here(axes));
             let frame = self.frame_time(1);
             let (gap, quiet) = match self.kind() {
@@ -151,54 +182,104 @@ impl Bus {
                 BusKind::Can => (Duration::ZERO, Duration::ZERO),
             };
             let time = |bits| bits_at(bits, config.bitrate);
-            let part = |request, replies| Part {
+            let step = |request, replies| Step {
                 request: time(request) + gap,
                 replies: time(reply_bits).times(replies) + frame.times(objections),
-                delay,
+                delay: if replies > 0 { delay } else { unanswered_wait(self.kind(), config) },
                 quiet: quiet + gap,
             };
-            let poll = part(poll_bits, 1);
+            let poll = step(poll_bits, 1);
             let on_the_bus = match self.kind() {
                 BusKind::Can => poll.frames() + poll.quiet,
                 BusKind::Rs485 => poll.alone(),
             };
-            polls_permille += polled_permille(axis, on_the_bus);
+            let polled = polled_permille(axis, on_the_bus);
+            polls_permille += polled;
+            // The axis itself waits for the reply to its poll, too, and then begins anew.
+            let waits = polled_permille(axis, poll.alone() + assumed.software) - polled;
+            longest_wait_permille = longest_wait_permille.max(waits);
             streams_permille += streamed_permille(axis, frame);
-            longest_poll = longest_poll.max(poll.alone());
-            let _ = parts.push(part(request_bits, replies));
+            let motion = step(request_bits, replies);
+            let _ = refreshes.push((axis.refresh(), share(motion.alone(), axis.refresh())));
+            let _ = parts.push(Part { before: 0, motion, behind: 0, poll });
             let _ = plans.push(AxisPlan {
                 axis: axis.index,
                 request_bits,
                 reply_bits,
                 replies,
+                reads,
                 reply_delay: delay,
                 answered: Duration::ZERO,
+                reply_within: Duration::ZERO,
                 stop_alone: self.bound_beside(&bounds, 1, axes),
                 stop_together: self.bound_beside(&bounds, all, axes),
             });
         }
-        let in_turn =
-            self.kind() == BusKind::Rs485 || parts.iter().any(|part| part.quiet > Duration::ZERO);
+        let in_turn = self.kind() == BusKind::Rs485
+            || parts.iter().any(|part| part.motion.quiet > Duration::ZERO);
         let most = if bounds.outranking_replies > 0 { MAX_OUTSTANDING } else { MAX_AXES };
         let outstanding = if in_turn { 1 } else { most };
-        let cycle = schedule(&parts, outstanding, assumed.software, &mut plans);
-        let taken = polls_permille + streams_permille + foreign_permille;
-        let beside = |time: Duration| {
+        let polled = |before, reads: bool, behind| {
+            let mut parts = parts.clone();
+            for (part, plan) in parts.iter_mut().zip(&plans) {
+                (part.before, part.behind) = (before, behind + if reads { plan.reads } else { 0 });
+            }
+            schedule(&parts, outstanding, assumed.software, |_, _| {})
+        };
+        // The setpoint before is on its way, and a poll is due.
+        let longest = polled(2, false, 0);
+        let period = polled(0, true, 0);
+        // The fault word and the state may be due at once.
+        let steady = polled(1, true, 1);
+        let cycle = schedule(&parts, outstanding, assumed.software, |place, at| {
+            if let Some(plan) = plans.get_mut(place) {
+                plan.answered = at;
+            }
+        });
+        let taken = polls_permille + longest_wait_permille + streams_permille + foreign_permille;
+        let with_taken = |time: Duration, taken: u64| {
             let left = NonZeroU64::new(1_000_u64.saturating_sub(taken))?;
             Some(Duration::from_micros((time.as_micros() * 1_000).div_ceil(left.get())))
         };
-        let blocked = if foreign_permille > 0 { self.frame_time(1) } else { Duration::ZERO };
+        let beside = |time: Duration| {
+            let mut found = with_taken(time, taken)?;
+            loop {
+                // Setpoints are sent again in what takes so long.
+                let again = refreshes.iter().filter(|(refresh, _)| *refresh < found);
+                let longer = with_taken(time, taken + again.map(|(_, share)| share).sum::<u64>())?;
+                if longer <= found {
+                    return Some(found);
+                }
+                found = longer;
+            }
+        };
+        let at_once = self.frame_time(bounds.streamed_at_once);
+        // On a line nobody else talks meanwhile.
+        let frames = |part: &Part, plan: &AxisPlan| match self.kind() {
+            BusKind::Can => part.motion.frames() + part.poll.frames().times(2 + plan.reads),
+            BusKind::Rs485 => Duration::ZERO,
+        };
+        let all = parts.iter().zip(&plans).map(|(part, plan)| frames(part, plan));
+        let all = all.fold(at_once, |sum, frames| sum + frames);
+        for (part, plan) in parts.iter().zip(&mut plans) {
+            let others = all - frames(part, plan);
+            plan.reply_within =
+                part.poll.delay + others + part.motion.replies.max(part.poll.replies);
+        }
         Some(BusPlan {
-            wire: parts.iter().fold(Duration::ZERO, |sum, part| {
-                sum + if in_turn { part.alone() } else { part.frames() }
+            wire: parts.iter().fold(Duration::ZERO, |sum, Part { motion, .. }| {
+                sum + if in_turn { motion.alone() } else { motion.frames() }
             }),
             cycle,
-            period: beside(cycle),
-            shortest: shortest_period(self, config, here()),
-            longest: beside(cycle + longest_poll + blocked),
+            repeat: beside(cycle),
+            period: beside(period),
+            steady: beside(steady + at_once),
+            shortest: shortest_period(self, config, here(), assumed.fields),
+            longest: beside(longest + at_once),
             polls_permille,
             streams_permille,
             foreign_permille,
+            reply_window: self.reply_window(),
             axes: plans,
         })
     }
@@ -241,41 +322,81 @@ impl Bus {
     }
 }
 
+/// Where an axis is in a cycle.
+#[derive(Debug)]
+struct Turn<'a> {
+    place: usize,
+    part: &'a Part,
+    /// How many requests have left.
+    asked: u64,
+    /// When the next may leave.
+    from: Duration,
+    /// When the reply to the last begins, where that is still to come.
+    ready: Option<Duration>,
+}
+
+impl Turn<'_> {
+    fn may_ask(&self) -> bool {
+        let Part { before, behind, .. } = self.part;
+        self.ready.is_none() && self.asked < before + 1 + behind
+    }
+
+    /// The request with the number, from 0.
+    fn step(&self, number: u64) -> Step {
+        let Part { before, motion, poll, .. } = *self.part;
+        if number == before || number + 1 < before { motion } else { poll }
+    }
+}
+
 /// Lays the frames of a cycle one behind the other: a reply as soon as it is ready and the bus is
-/// free, else the next request, `software` behind the one before, while fewer than `outstanding`
-/// wait for their replies. Notes when each is answered; returns when all are.
+/// free, else the next request, `software` behind the one before and behind the reply that it waited
+/// for, while fewer than `outstanding` wait for their replies. Tells when each request is answered,
+/// by the place of its axis; returns when all are.
 fn schedule(
     parts: &[Part],
     outstanding: usize,
     software: Duration,
-    plans: &mut [AxisPlan],
+    mut answered: impl FnMut(usize, Duration),
 ) -> Duration {
-    let mut ready: [Option<Duration>; MAX_AXES] = [None; MAX_AXES];
-    let (mut free, mut next_request, mut requested) = (Duration::ZERO, Duration::ZERO, 0);
+    let turns = parts.iter().enumerate().map(|(place, part)| Turn {
+        place,
+        part,
+        asked: 0,
+        from: Duration::ZERO,
+        ready: None,
+    });
+    let mut turns: Vec<Turn<'_>, MAX_AXES> = turns.collect();
+    let (mut free, mut next_request) = (Duration::ZERO, Duration::ZERO);
     loop {
-        let waiting = ready.iter().flatten().count();
-        let request = parts.get(requested).filter(|_| waiting < outstanding);
-        let request_at = request.map(|_| free.max(next_request));
-        let earliest = ready.iter().enumerate().filter_map(|(place, at)| Some((place, (*at)?)));
-        let reply = earliest.min_by_key(|(_, at)| *at).map(|(place, at)| (place, free.max(at)));
-        match (request, request_at, reply) {
-            (_, request_at, Some((place, at))) if request_at.is_none_or(|other| at <= other) => {
-                let Some(part) = parts.get(place) else { return free };
-                free = at + part.replies + part.quiet;
-                if let Some(plan) = plans.get_mut(place) {
-                    plan.answered = at + part.replies;
+        let waiting = turns.iter().filter(|turn| turn.ready.is_some()).count();
+        let reply_at = turns.iter().filter_map(|turn| turn.ready).min().map(|at| at.max(free));
+        let earliest = free.max(next_request);
+        // Who can ask first, and of these who has been asked least.
+        let order = |turn: &Turn<'_>| (turn.from.max(earliest), turn.asked);
+        let request = turns.iter().filter(|turn| turn.may_ask()).map(order).min();
+        let request = request.filter(|_| waiting < outstanding);
+        match (request, reply_at) {
+            (_, Some(at)) if request.is_none_or(|(other, _)| at <= other) => {
+                let waits = turns.iter_mut().filter(|turn| turn.ready.is_some());
+                let Some(turn) = waits.min_by_key(|turn| turn.ready) else { return free };
+                let step = turn.step(turn.asked - 1);
+                let end = at + step.replies;
+                free = end + step.quiet;
+                turn.ready = None;
+                turn.from = end + software;
+                if outstanding == 1 {
+                    next_request = turn.from;
                 }
-                if let Some(ready) = ready.get_mut(place) {
-                    *ready = None;
-                }
+                answered(turn.place, end);
             }
-            (Some(part), Some(at), _) => {
-                free = at + part.request;
+            (Some((at, _)), _) => {
+                let may_ask = turns.iter_mut().filter(|turn| turn.may_ask());
+                let Some(turn) = may_ask.min_by_key(|turn| order(turn)) else { return free };
+                let step = turn.step(turn.asked);
+                free = at + step.request;
                 next_request = free + software;
-                if let Some(ready) = ready.get_mut(requested) {
-                    *ready = Some(free + part.delay);
-                }
-                requested += 1;
+                turn.ready = Some(free + step.delay);
+                turn.asked += 1;
             }
             _ => return free,
         }

@@ -21,10 +21,13 @@ pub struct PlanArgs {
     /// The configuration, as `mgw config apply` takes it; `-` is standard input
     #[arg(value_name = "FILE", value_parser = Source::read)]
     pub source: Source,
-    /// The rate that must hold, Hz; if it does not, the exit code is 1 and the changes that would
+    /// The rate that must hold, Hz, of `Cycle`, one round after the other; if it does not, the exit code is 1 and the changes that would
     /// make it hold are told
     #[arg(long, value_name = "HZ", value_parser = hertz)]
     pub rate: Option<f64>,
+    /// The rate is that of `RunCycle`, whose periods the gateway begins by itself
+    #[arg(long, requires = "rate")]
+    pub running: bool,
     /// How long motors take to begin their reply, µs: all of them, or one axis; 250 unless given
     #[arg(long = "reply-delay", value_name = "US|AXIS=US", value_parser = reply_delay)]
     pub reply_delays: Vec<(Option<u8>, u32)>,
@@ -50,6 +53,9 @@ pub struct PlanArgs {
         default_value = "position,velocity,current"
     )]
     pub fields: Vec<StateField>,
+    /// An axis that is given impedance setpoints: its state is read beside them; may be given often
+    #[arg(long, value_name = "AXIS")]
+    pub impedance: Vec<u8>,
     /// What the gateway's software takes: host to bus, between two requests, bus to host, µs
     #[arg(
         long, value_name = "US", default_value_t = 100,

@@ -158,6 +158,7 @@ impl<'a> Bench<'a> {
             host: arguments.host,
             fields: StateFields::of(&arguments.fields),
             kinds,
+            running: false,
         };
         let ttls = axes.iter().map(|axis| session.client.axis_ttl(*axis));
         let ttl = ttls.collect::<Result<Vec<_>, _>>()?.into_iter().min().unwrap_or_default();

@@ -16,7 +16,8 @@ const RS485_BITRATES: [u32; 5] = [230_400, 460_800, 921_600, 2_000_000, 2_500_00
 /// The single changes with which the rate holds, in words.
 pub fn changes(configuration: &Configuration, premises: &Premises, rate: f64) -> Vec<String> {
     let holds = |configuration: &Configuration, premises: &Premises| {
-        Plan::of_configuration(configuration, premises).is_some_and(|plan| plan.holds(rate))
+        Plan::of_configuration(configuration, premises)
+            .is_some_and(|plan| plan.holds(rate, premises))
     };
     let mut found = Vec::new();
     let faster = HOST_LINES.into_iter().filter(|line| is_faster(*line, premises.host));
@@ -81,8 +82,9 @@ fn is_faster(line: HostLine, than: HostLine) -> bool {
 }
 
 /// Why a rate does not hold, and what would make it.
-pub fn refusal(plan: &Plan, wanted: f64, changes: &[String]) -> String {
-    let reached = plan.rate().map_or("a bus has no time left for cycles".to_owned(), |rate| {
+pub fn refusal(plan: &Plan, premises: &Premises, wanted: f64, changes: &[String]) -> String {
+    let rate = plan.wanted_rate(premises);
+    let reached = rate.map_or("a bus has no time left for cycles".to_owned(), |rate| {
         format!("{rate:.1} Hz can be reached")
     });
     let reached = match plan.axes() {

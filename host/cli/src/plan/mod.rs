@@ -8,7 +8,10 @@ mod print;
 use std::time::Duration;
 
 use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, Set};
-use host_protocol::{BusKind, MAX_CYCLE_AXES, StateFields, cycle_frame_bytes};
+use host_protocol::{
+    AxisParameter, BusKind, MAX_CYCLE_AXES, Protocol, StateFields, Value, cycle_event_bytes,
+    cycle_frame_bytes,
+};
 
 use crate::args::{HostLine, PlanArgs};
 use crate::config::{self, BoardPorts, Configuration};
@@ -35,6 +38,8 @@ pub struct Premises {
     pub host: HostLine,
     pub fields: StateFields,
     pub kinds: [BusKind; MAX_BUSES],
+    /// The rate is one of `RunCycle`, not of `Cycle`.
+    pub running: bool,
 }
 
 /// A whole gateway, as planned.
@@ -46,9 +51,14 @@ pub struct Plan {
     pub bytes: (usize, usize),
     /// What these take on the host's line.
     pub line: (Duration, Duration),
-    /// From the host's first byte to the last one back, one cycle after the other; nothing where a
+    /// Bytes of the event of a period of `RunCycle`, and what they take.
+    pub event: (usize, Duration),
+    /// From the host's first byte to the last one back, one `Cycle` after the other; nothing where a
     /// bus has no time left.
     pub round: Option<Duration>,
+    /// The period that `RunCycle` holds: that of the slowest bus, or of the host's line; nothing
+    /// where a bus has no time left.
+    pub running: Option<Duration>,
     /// The same, for the longest single one.
     pub longest: Option<Duration>,
 }
@@ -58,7 +68,11 @@ impl Plan {
     pub fn of(core: &Gateway, premises: &Premises) -> Self {
         let mut buses = Vec::new();
         for (bus, foreign) in (0..).zip(premises.foreign) {
-            let assumed = Assumptions { foreign_frames_s: foreign, ..premises.assumed.clone() };
+            let assumed = Assumptions {
+                foreign_frames_s: foreign,
+                fields: premises.fields,
+                ..premises.assumed.clone()
+            };
             let plan = core.plan_bus(bus, &assumed).filter(|plan| !plan.axes.is_empty());
             buses.extend(plan.map(|plan| (bus, plan)));
         }
@@ -66,14 +80,23 @@ impl Plan {
         let mask = axes.fold(Set::NONE, |mask, axis| mask.with(Set::of(axis.axis))).bits();
         let bytes = cycle_frame_bytes(mask, premises.fields);
         let line = (premises.host.time(bytes.0), premises.host.time(bytes.1));
+        let event = cycle_event_bytes(mask, premises.fields);
+        let event = (event, premises.host.time(event));
         let software = std_time(premises.assumed.software);
-        let round = |of: fn(&BusPlan) -> Option<gateway::Duration>| {
-            let slowest = buses.iter().map(|(_, plan)| of(plan)).collect::<Option<Vec<_>>>()?;
-            let bus = std_time(slowest.into_iter().max()?);
-            Some(line.0 + software + bus + software + line.1)
+        let slowest = |of: fn(&BusPlan) -> Option<gateway::Duration>| {
+            let times = buses.iter().map(|(_, plan)| of(plan)).collect::<Option<Vec<_>>>()?;
+            times.into_iter().max().map(std_time)
         };
-        let (round, longest) = (round(|plan| plan.period), round(|plan| plan.longest));
-        Self { buses, bytes, line, round, longest }
+        let round = |bus| line.0 + software + bus + software + line.1;
+        Self {
+            round: slowest(|plan| plan.repeat).map(round),
+            running: slowest(|plan| plan.period).map(|bus| bus.max(event.1)),
+            longest: slowest(|plan| plan.longest).map(round),
+            buses,
+            bytes,
+            line,
+            event,
+        }
     }
 
     /// The plan of a configuration; nothing where no gateway would take it.
@@ -83,14 +106,20 @@ impl Plan {
         Some(Self::of(&core, premises))
     }
 
-    /// Cycles in a second.
+    /// Rounds of `Cycle` in a second.
     pub fn rate(&self) -> Option<f64> {
         self.round.map(rate)
     }
 
-    /// Whether so many cycles in a second hold.
-    pub fn holds(&self, hertz: f64) -> bool {
-        self.rate().is_some_and(|rate| rate >= hertz) && self.axes() <= MAX_CYCLE_AXES
+    /// The rate that the premises ask for.
+    pub fn wanted_rate(&self, premises: &Premises) -> Option<f64> {
+        if premises.running { self.running.map(rate) } else { self.rate() }
+    }
+
+    /// Whether so many cycles in a second hold, of those that the premises ask for.
+    pub fn holds(&self, hertz: f64, premises: &Premises) -> bool {
+        self.wanted_rate(premises).is_some_and(|rate| rate >= hertz)
+            && self.axes() <= MAX_CYCLE_AXES
     }
 
     /// How many axes take part.
@@ -145,14 +174,15 @@ pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
     let plan = plan.ok_or_else(|| Failure::DoesNotHold {
         text: format!("{} has no axis to plan for", arguments.source.path),
     })?;
-    let wanted = arguments.rate.filter(|rate| !plan.holds(*rate));
+    let wanted = arguments.rate.filter(|rate| !plan.holds(*rate, &premises));
     let changes =
         wanted.map(|rate| advice::changes(&configuration, &premises, rate)).unwrap_or_default();
     print::plan(out, &plan, &premises, arguments.rate, &changes)?;
     match wanted {
         None => Ok(()),
         Some(wanted) => {
-            Err(Failure::DoesNotHold { text: advice::refusal(&plan, wanted, &changes) })
+            let text = advice::refusal(&plan, &premises, wanted, &changes);
+            Err(Failure::DoesNotHold { text })
         }
     }
 }
@@ -183,8 +213,24 @@ fn premises(
         }
         foreign[usize::from(bus)] = frames;
     }
+    let mut impedance = Set::NONE;
+    for axis in arguments.impedance.iter().copied() {
+        let path = &arguments.source.path;
+        let values = configuration.axes.get(&axis).ok_or_else(|| {
+            Failure::Usage(format!("axis {axis} is named, and {path} does not have it"))
+        })?;
+        if values.get(&AxisParameter::Protocol)
+            != Some(&Value::Unsigned(Protocol::Rmd.number().into()))
+        {
+            let text =
+                format!("axis {axis} takes no impedance setpoints: only RMD motors on CAN do");
+            return Err(Failure::Usage(text));
+        }
+        impedance = impedance.with(Set::of(axis));
+    }
     let mut assumed = Assumptions {
         software: gateway::Duration::from_micros(arguments.gateway_us.into()),
+        impedance,
         ..Assumptions::DEFAULT
     };
     let mut stated = Set::NONE;
@@ -213,5 +259,6 @@ fn premises(
         host: arguments.host,
         fields: StateFields::of(&arguments.fields),
         kinds,
+        running: arguments.running,
     })
 }

@@ -43,8 +43,30 @@ pub fn plan(
         ))?,
         _ => out.text("Cycle: none, a bus has no time left")?,
     }
+    for (bus, plan) in &plan.buses {
+        for axis in plan.axes.iter().filter(|axis| axis.reply_within > plan.reply_window) {
+            out.text(format!(
+                "axis {}: a reply may come {} µs behind its request, and bus {bus} awaits it for {} µs: \
+                 reply_window_us",
+                axis.axis,
+                axis.reply_within.as_micros(),
+                plan.reply_window.as_micros()
+            ))?;
+        }
+    }
+    match plan.running {
+        Some(running) => out.text(format!(
+            "RunCycle: {:.1} Hz, a period of {} µs; its event of {} bytes takes {} µs of that",
+            rate(running),
+            running.as_micros(),
+            plan.event.0,
+            plan.event.1.as_micros()
+        ))?,
+        None => out.text("RunCycle: none, a bus has no time left")?,
+    }
     out.text(
-        "RunCycle is refused below a bus's shortest period; from its period on it always holds",
+        "RunCycle is refused below a bus's shortest period; from its period on it holds, and only \
+         periods with polls in them take longer; from its steady period on none does",
     )?;
     out.text(format!(
         "assumed: {} µs of the gateway's software to the bus, between requests and back; every \
@@ -54,7 +76,7 @@ pub fn plan(
     ))?;
     out.object(&json!({
         "plan": to_json(plan, premises), "wanted_hz": wanted,
-        "holds": wanted.map(|wanted| plan.holds(wanted)), "changes": changes,
+        "holds": wanted.map(|wanted| plan.holds(wanted, premises)), "changes": changes,
     }))
 }
 
@@ -66,6 +88,7 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
         ">wire µs",
         ">cycle µs",
         ">period µs",
+        ">steady µs",
         ">shortest µs",
         ">longest µs",
         ">rate Hz",
@@ -84,6 +107,7 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
             plan.wire.as_micros().to_string(),
             plan.cycle.as_micros().to_string(),
             or_none(plan.period),
+            or_none(plan.steady),
             or_none(plan.shortest),
             or_none(plan.longest),
             bus_rate(plan).map_or(words::NOTHING.to_owned(), |rate| format!("{rate:.1}")),
@@ -102,6 +126,7 @@ fn axes(plan: &Plan, premises: &Premises) -> Table {
         ">request bits",
         ">reply bits",
         ">replies",
+        ">reads",
         ">reply delay µs",
         ">answered µs",
         ">stop alone µs",
@@ -117,6 +142,7 @@ fn axes(plan: &Plan, premises: &Premises) -> Table {
             axis.request_bits.to_string(),
             axis.reply_bits.to_string(),
             axis.replies.to_string(),
+            axis.reads.to_string(),
             format!("{}{mark}", axis.reply_delay.as_micros()),
             axis.answered.as_micros().to_string(),
             axis.stop_alone.as_micros().to_string(),
@@ -154,19 +180,22 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
         let axes = plan.axes.iter().map(|axis| {
             json!({
                 "axis": axis.axis, "request_bits": axis.request_bits,
-                "reply_bits": axis.reply_bits, "replies": axis.replies,
+                "reply_bits": axis.reply_bits, "replies": axis.replies, "reads": axis.reads,
                 "reply_delay_us": us(axis.reply_delay),
                 "reply_delay_stated": premises.stated_delays.has(axis.axis),
-                "answered_us": us(axis.answered), "stop_alone_us": us(axis.stop_alone),
+                "answered_us": us(axis.answered), "reply_within_us": us(axis.reply_within),
+                "stop_alone_us": us(axis.stop_alone),
                 "stop_together_us": us(axis.stop_together),
             })
         });
         json!({
             "bus": bus, "kind": kind(*bus, premises), "wire_us": us(plan.wire),
-            "cycle_us": us(plan.cycle), "period_us": plan.period.map(us),
+            "cycle_us": us(plan.cycle), "repeat_us": plan.repeat.map(us),
+            "period_us": plan.period.map(us), "steady_us": plan.steady.map(us),
             "shortest_us": plan.shortest.map(us), "longest_us": plan.longest.map(us), "rate_hz": bus_rate(plan).map(rounded),
             "polls_permille": plan.polls_permille, "streams_permille": plan.streams_permille,
-            "foreign_permille": plan.foreign_permille, "axes": axes.collect::<Value>(),
+            "foreign_permille": plan.foreign_permille, "reply_window_us": us(plan.reply_window),
+            "axes": axes.collect::<Value>(),
         })
     });
     let baud = match premises.host {
@@ -178,9 +207,11 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
         "host": {
             "baud": baud, "out_bytes": plan.bytes.0, "back_bytes": plan.bytes.1,
             "out_us": plan.line.0.as_micros(), "back_us": plan.line.1.as_micros(),
+            "event_bytes": plan.event.0, "event_us": plan.event.1.as_micros(),
         },
         "software_us": us(premises.assumed.software),
         "round_us": plan.round.map(whole_us), "longest_us": plan.longest.map(whole_us),
         "rate_hz": plan.rate().map(rounded),
+        "running_us": plan.running.map(whole_us), "running_hz": plan.running.map(rate).map(rounded),
     })
 }

@@ -58,7 +58,7 @@ fn whatever_makes_it_harder_makes_it_slower() {
 fn a_rate_that_does_not_hold_is_refused_with_what_would_make_it_hold() {
     let refused = mgw(&["plan", EIGHT, "--rate", "350"]);
     let said = refused.failure(1);
-    assert!(said.contains("350 Hz do not hold: 273.7 Hz can be reached"), "{said}");
+    assert!(said.contains("350 Hz do not hold: 272.5 Hz can be reached"), "{said}");
     assert!(said.contains("a host line of 2000000 baud"), "{said}");
     let (code, held) = plan(&[EIGHT, "--rate", "350", "--host", "2000000"]);
     assert_eq!((code, &held["holds"]), (Some(0), &true.into()));
@@ -74,6 +74,37 @@ fn a_rate_that_does_not_hold_is_refused_with_what_would_make_it_hold() {
     assert_eq!(hopeless["changes"], serde_json::json!([]));
     let (_, full) = plan(&[EIGHT, "--foreign", "0=9000"]);
     assert_eq!(full["plan"]["rate_hz"], Value::Null);
+}
+
+/// What the reply to a setpoint does not tell is read in each period of `RunCycle`, and in no `Cycle`.
+#[test]
+fn a_running_cycle_has_room_for_what_it_reads() {
+    let bus = |arguments: &[&str], bus: usize| {
+        plan(&[&[FOUR], arguments].concat()).1["plan"]["buses"][bus].clone()
+    };
+    let reads = |bus: &Value, axis: usize| bus["axes"][axis]["reads"].clone();
+    let period = |bus: &Value| bus["period_us"].as_u64().unwrap();
+    let (few, more) = (["--fields", "faults"], ["--fields", "velocity,current"]);
+    // An RMD, which tells all, and a thruster.
+    let (before, after) = (bus(&few, 0), bus(&more, 0));
+    assert_eq!([0, 1].map(|axis| reads(&before, axis)), [0, 0]);
+    assert_eq!([0, 1].map(|axis| reads(&after, axis)), [0, 2]);
+    assert!(period(&after) > period(&before) && before["repeat_us"] == after["repeat_us"]);
+    assert!(after["steady_us"].as_u64() > after["period_us"].as_u64());
+    // A D5 tells no current.
+    assert_eq!(reads(&bus(&more, 1), 0), 1);
+    assert_eq!(reads(&bus(&["--impedance", "0"], 0), 0), 1);
+
+    // A rate of RunCycle is another one than that of Cycle.
+    let rate = ["--rate", "600", "--host", "2000000"];
+    let (code, cycle) = plan(&[&[EIGHT], &rate[..]].concat());
+    assert_eq!((code, &cycle["holds"]), (Some(1), &false.into()));
+    let (code, running) = plan(&[&[EIGHT, "--running"], &rate[..]].concat());
+    assert_eq!((code, &running["holds"]), (Some(0), &true.into()));
+    // The line to the host carries an event of each period: 600 of 163 bytes in a second are 978000
+    // bit/s.
+    let (code, slow) = plan(&[EIGHT, "--running", "--rate", "600", "--host", "460800"]);
+    assert_eq!((code, &slow["plan"]["host"]["event_bytes"]), (Some(1), &163.into()));
 }
 
 #[test]
@@ -134,6 +165,9 @@ fn bad_input_is_told_from_a_plan_that_does_not_hold() {
         (&[EIGHT, "--host", "0"], "1200 to 20000000 baud"),
         (&[EIGHT, "--fields", "speed"], "must be one of"),
         (&[EIGHT, "--gateway-us", "9999999"], "100000"),
+        (&[EIGHT, "--running"], "--rate"),
+        (&[EIGHT, "--impedance", "9"], "axis 9 is named"),
+        (&[FOUR, "--impedance", "1"], "axis 1 takes no impedance setpoints"),
     ] {
         let words: Vec<&str> = ["plan"].iter().chain(arguments).copied().collect();
         let error = mgw(&words).failure(2);

@@ -102,6 +102,11 @@ impl World {
         Ok(world)
     }
 
+    /// The gateway's core, for what can be asked of it from outside.
+    pub fn core(&self) -> &Gateway {
+        &self.gateway
+    }
+
     /// The time since this world began, which is also when its gateway was started first.
     pub fn now(&self) -> Instant {
         Instant::from_micros(micros(self.now))

@@ -89,7 +89,7 @@ impl Gateway {
         let period = Duration::from_micros(request.period_us.into());
         if !axes.is_empty() {
             Quantity::Period.check(request.period_us, PERIOD_US)?;
-            self.check_period(axes, period)?;
+            self.check_period(axes, period, request.fields)?;
         }
         self.stop_running();
         if axes.is_empty() {
@@ -114,12 +114,12 @@ impl Gateway {
     }
 
     /// Refuses a period that a bus could not keep at its best.
-    fn check_period(&self, axes: Set, period: Duration) -> Result<()> {
+    fn check_period(&self, axes: Set, period: Duration, fields: StateFields) -> Result<()> {
         const ALL: u32 = 1_000;
         for bus in &self.buses {
             let Some(config) = bus.config() else { continue };
             let here = self.axes.of(self.axes.on(bus.index()).and(axes));
-            let shortest = shortest_period(bus, config, here);
+            let shortest = shortest_period(bus, config, here, fields);
             if shortest.is_none_or(|shortest| shortest > period) {
                 let needed = shortest.map_or(u64::MAX, |shortest| {
                     (shortest.as_micros() * u64::from(ALL)).div_ceil(period.as_micros().max(1))
@@ -154,7 +154,7 @@ impl Gateway {
                 Some(Waits::ForMotor) => count(&mut running.overruns.motor, 1),
                 None => {}
             }
-            running.end(now);
+            running.end(running.deadline());
             links.changed_by_cycle(running.link);
         }
         running.begin(now);
