@@ -318,7 +318,7 @@ mgw_result mgw_connect(const char *port, mgw_gateway **gateway);
 mgw_result mgw_close(mgw_gateway *gateway);
 
 // Keeps the right to command while nothing else is asked: the gateway takes it away, and trips
-// what is armed, when it has not heard this host for 200 ms unless configured otherwise.
+// what is armed, when it has not heard this host for 250 ms unless configured otherwise.
 //
 // # Safety
 // `gateway` is an open handle that no other thread uses.

@@ -63,7 +63,7 @@ pub unsafe extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
 }
 
 /// Keeps the right to command while nothing else is asked: the gateway takes it away, and trips
-/// what is armed, when it has not heard this host for 200 ms unless configured otherwise.
+/// what is armed, when it has not heard this host for 250 ms unless configured otherwise.
 ///
 /// # Safety
 /// `gateway` is an open handle that no other thread uses.

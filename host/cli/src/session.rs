@@ -22,7 +22,7 @@ use crate::words;
 /// does not.
 const STOP_PATIENCE: Duration = Duration::from_secs(5);
 /// Events that are printed in one go.
-const EVENTS_AT_ONCE: usize = 64;
+pub const EVENTS_AT_ONCE: usize = 64;
 /// Between two looks at an axis that is stopping.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
@@ -205,8 +205,8 @@ impl Session {
                 // Another host is asking it, or the line loses what is asked.
                 Ok(_)
                 | Err(ClientError::Gateway(Error::Busy { .. }) | ClientError::NoAnswer { .. }) => {}
-                // The stop was taken, and nothing will be heard of it.
-                Err(ClientError::Transport(_)) => {
+                // The stop was taken, and nothing will be heard of it, or nobody waits for it any more.
+                Err(ClientError::Transport(_) | ClientError::Interrupted { .. }) => {
                     return Err(Failure::StopNotConfirmed { axis });
                 }
                 Err(error) => return Err(error.into()),
@@ -214,7 +214,12 @@ impl Session {
             if self.client.now() >= end {
                 return Err(Failure::StopNotConfirmed { axis });
             }
-            self.client.pause(LOOK_AGAIN)?;
+            match self.client.pause(LOOK_AGAIN) {
+                Err(ClientError::Interrupted { .. }) => {
+                    return Err(Failure::StopNotConfirmed { axis });
+                }
+                paused => paused?,
+            }
         }
     }
 }

@@ -28,7 +28,7 @@ pub const HELLO_DEADLINE: Duration = Duration::from_secs(2);
 /// An unanswered request is sent again after this time. Repetitions keep authority alive, so it is
 /// well below the gateway's default link silence of 250 ms.
 pub const REPEAT_AFTER: Duration = Duration::from_millis(80);
-/// A relative move is sent again sooner: its target must come while it is still permitted.
+/// What moves is sent again sooner: it must come while it is still permitted.
 pub(crate) const REPEAT_MOVE_AFTER: Duration = Duration::from_millis(20);
 /// [`Client::keep_alive`] pings when nothing was sent for this long: three of them fit into the
 /// default link silence.
@@ -40,7 +40,7 @@ pub(crate) const EXPIRY_MARGIN: Duration = Duration::from_millis(1);
 /// first.
 pub const CLOCK_VALID_FOR: Duration = Duration::from_millis(500);
 
-/// [`Client::keep_subscription`] pings when nothing was sent for this long: four pings may get
+/// [`Client::keep_subscription`] pings when the last ping is this long ago: four of them may get
 /// lost.
 pub const KEEP_SUBSCRIPTION_AFTER: Duration = Duration::from_secs(1);
 /// After this silence a subscription may have ended, which the gateway does after 5 s: it is made
@@ -215,7 +215,7 @@ impl<T: Transport> Client<T> {
 
     /// Stops every axis whose arming was asked for here, and ends their setpoints: the next frames
     /// written are these stops, repeated until they are answered. A connection that fails is
-    /// opened again for them. Each axis is stopped once.
+    /// opened again for them. Each axis is stopped once; one whose stop was not answered again.
     ///
     /// # Errors
     /// [`ClientError::StopUnanswered`] if nothing answers, [`ClientError::Gateway`] with the first
@@ -223,13 +223,23 @@ impl<T: Transport> Client<T> {
     pub fn stop_armed(&mut self) -> Result<(), ClientError> {
         self.stream = None;
         let stop = |axis: u8| StopRequest::Stop(StopTarget::Axis(axis));
-        let requests: Vec<StopRequest> = self.armed.drain(..).map(stop).collect();
+        let requests: Vec<StopRequest> = self.armed.iter().copied().map(stop).collect();
         if requests.is_empty() {
             return Ok(());
         }
-        self.has_stopped = true;
+        let stopped = self.until_stopped(&requests);
+        // A refusal is an answer.
+        if matches!(stopped, Ok(()) | Err(ClientError::Gateway(_))) {
+            self.armed.clear();
+            self.has_stopped = true;
+        }
+        stopped
+    }
+
+    /// The next frames written are these stops, again and again until each is answered.
+    pub(crate) fn until_stopped(&mut self, requests: &[StopRequest]) -> Result<(), ClientError> {
         let Self { transport, inbox, baud, sequence, .. } = self;
-        if until_answered(transport, inbox, baud, sequence, &requests)? {
+        if until_answered(transport, inbox, baud, sequence, requests)? {
             // To the gateway this may be another link: what it says by itself comes after a hello.
             self.clock.reset();
             self.say_hello()?;
@@ -268,20 +278,29 @@ impl<T: Transport> Client<T> {
     }
 
     pub(crate) fn ping_within(&mut self, deadline: Duration) -> Result<(), ClientError> {
-        let (pong, sent) = self.exchange(&Ping {}, deadline, REPEAT_AFTER)?;
-        self.clock.measure(sent, self.transport.now(), pong.time_us);
-        Ok(())
+        self.measure_by_ping(deadline, REPEAT_AFTER).map(drop)
     }
 
-    /// Pings if the last measure of the gateway's clock is older than [`CLOCK_VALID_FOR`].
+    /// Whether the gateway has restarted since the ping before.
+    fn measure_by_ping(
+        &mut self,
+        deadline: Duration,
+        repeat_after: Duration,
+    ) -> Result<bool, ClientError> {
+        let (pong, sent) = self.exchange(&Ping {}, deadline, repeat_after)?;
+        Ok(self.clock.measure(sent, self.transport.now(), pong.time_us))
+    }
+
+    /// Pings if the last measure of the gateway's clock is older than [`CLOCK_VALID_FOR`]: again
+    /// soon, where a setpoint waits for it.
     ///
     /// # Errors
     /// As [`request_within`](Self::request_within).
-    pub(crate) fn refresh_clock(&mut self) -> Result<(), ClientError> {
+    pub fn refresh_clock(&mut self) -> Result<(), ClientError> {
         if self.clock.age(self.transport.now()) < CLOCK_VALID_FOR {
             return Ok(());
         }
-        self.ping()
+        self.measure_by_ping(DEADLINE, REPEAT_MOVE_AFTER).map(drop)
     }
 
     /// Pings if nothing was sent for [`KEEP_ALIVE_AFTER`]. Called often enough, it keeps authority
@@ -303,20 +322,28 @@ impl<T: Transport> Client<T> {
         Ok(())
     }
 
-    /// Keeps a subscription alive: pings if nothing was sent for [`KEEP_SUBSCRIPTION_AFTER`]. If
+    /// Keeps a subscription alive: pings if none was answered for [`KEEP_SUBSCRIPTION_AFTER`]. If
     /// this process was held up for so long that the subscription may have ended, it is made
-    /// again.
+    /// again; so it is, in a new session, if the gateway has restarted behind an open connection.
     ///
     /// # Errors
     /// As [`request_within`](Self::request_within).
     pub fn keep_subscription(&mut self) -> Result<(), ClientError> {
-        let quiet = self.transport.now().saturating_sub(self.last_sent);
+        let now = self.transport.now();
+        let quiet = now.saturating_sub(self.last_sent);
         match self.subscription {
-            _ if quiet < KEEP_SUBSCRIPTION_AFTER => Ok(()),
             Some(subscription) if quiet >= SUBSCRIPTION_MAY_HAVE_ENDED_AFTER => {
                 self.request(&subscription).map(drop)
             }
-            _ => self.ping(),
+            // Only a ping tells of a restart.
+            _ if self.clock.age(now) < KEEP_SUBSCRIPTION_AFTER => Ok(()),
+            subscription => {
+                if !self.measure_by_ping(DEADLINE, REPEAT_AFTER)? {
+                    return Ok(());
+                }
+                self.say_hello()?;
+                subscription.map_or(Ok(()), |subscription| self.subscribe_as(subscription))
+            }
         }
     }
 

@@ -26,21 +26,22 @@ pub(crate) struct Clock {
 
 impl Clock {
     /// Takes in one exchange: request sent and reply received in transport time, and the gateway
-    /// time in the reply.
-    pub(crate) fn measure(&mut self, sent: Duration, received: Duration, gateway_us: u64) {
+    /// time in the reply. Whether the gateway has restarted since the last: its clock stands
+    /// before what it was.
+    pub(crate) fn measure(&mut self, sent: Duration, received: Duration, gateway_us: u64) -> bool {
         let sample = Sample { sent_us: micros(sent), received_us: micros(received), gateway_us };
         // The gateway's clock never jumps: an exchange that contradicts the others comes from a
         // gateway that restarted.
         let round_trip = sample.received_us.saturating_sub(sample.sent_us);
-        let possible = self.earliest_us(received) <= gateway_us.saturating_add(round_trip)
-            && self.latest_us(received).is_none_or(|latest| gateway_us <= latest);
-        if !possible {
+        let has_restarted = self.earliest_us(received) > gateway_us.saturating_add(round_trip);
+        if has_restarted || self.latest_us(received).is_some_and(|latest| gateway_us > latest) {
             self.samples.clear();
         }
         if self.samples.len() == SAMPLES {
             self.samples.pop_front();
         }
         self.samples.push_back(sample);
+        has_restarted
     }
 
     /// Forgets everything: the next exchange may be with another gateway.
@@ -106,7 +107,7 @@ mod tests {
     #[test]
     fn one_exchange_bounds_the_gateway_time_by_its_round_trip() {
         let mut clock = Clock::default();
-        clock.measure(at(1_000), at(3_000), 50_000);
+        let _ = clock.measure(at(1_000), at(3_000), 50_000);
         assert_eq!(clock.earliest_us(at(3_000)), 50_000);
         // 2000 µs since the request left, and 2 µs of drift.
         assert_eq!(clock.latest_us(at(3_000)), Some(52_002));
@@ -116,9 +117,9 @@ mod tests {
     #[test]
     fn the_quickest_exchange_decides() {
         let mut clock = Clock::default();
-        clock.measure(at(0), at(20_000), 1_010_000);
-        clock.measure(at(30_000), at(30_200), 1_030_100);
-        clock.measure(at(40_000), at(70_000), 1_045_000);
+        let _ = clock.measure(at(0), at(20_000), 1_010_000);
+        let _ = clock.measure(at(30_000), at(30_200), 1_030_100);
+        let _ = clock.measure(at(40_000), at(70_000), 1_045_000);
         // The second one says 1 030 100 at 30 200: 39 800 µs later less 39 µs of drift.
         assert_eq!(clock.earliest_us(at(70_000)), 1_030_100 + 39_800 - 39);
     }
@@ -127,18 +128,18 @@ mod tests {
     fn the_bounds_are_as_far_apart_as_the_quickest_exchange_took() {
         let mut clock = Clock::default();
         assert_eq!(clock.width_us(at(0)), None);
-        clock.measure(at(0), at(160_000), 1_100_000);
+        let _ = clock.measure(at(0), at(160_000), 1_100_000);
         assert_eq!(clock.width_us(at(160_000)), Some(160_160));
-        clock.measure(at(170_000), at(170_300), 1_170_200);
+        let _ = clock.measure(at(170_000), at(170_300), 1_170_200);
         assert_eq!(clock.width_us(at(170_300)), Some(300));
     }
 
     #[test]
     fn an_old_exchange_gives_way_to_a_young_one() {
         let mut clock = Clock::default();
-        clock.measure(at(0), at(100), 50);
+        let _ = clock.measure(at(0), at(100), 50);
         // A gateway clock that runs slow by 900 ppm.
-        clock.measure(at(10_000_000), at(10_000_100), 9_991_050);
+        let _ = clock.measure(at(10_000_000), at(10_000_100), 9_991_050);
         assert_eq!(clock.earliest_us(at(10_000_100)), 9_991_050);
         assert_eq!(clock.latest_us(at(10_000_100)), Some(9_991_150));
     }
@@ -147,7 +148,7 @@ mod tests {
     fn a_time_beyond_all_bounds_overflows_nothing() {
         let mut clock = Clock::default();
         for gateway_us in [u64::MAX, 0, u64::MAX - 1] {
-            clock.measure(at(1_000), at(3_000), gateway_us);
+            let _ = clock.measure(at(1_000), at(3_000), gateway_us);
             assert!(clock.earliest_us(at(9_000_000)) >= gateway_us);
             assert!(clock.latest_us(at(9_000_000)).is_some_and(|latest| latest >= gateway_us));
             clock.estimate_us(at(u64::MAX));
@@ -157,8 +158,8 @@ mod tests {
     #[test]
     fn a_gateway_that_restarted_is_believed_at_once() {
         let mut clock = Clock::default();
-        clock.measure(at(0), at(1_000), 90_000_000);
-        clock.measure(at(80_000), at(81_000), 4_000);
+        assert!(!clock.measure(at(0), at(1_000), 90_000_000));
+        assert!(clock.measure(at(80_000), at(81_000), 4_000));
         assert_eq!(clock.earliest_us(at(81_000)), 4_000);
         assert_eq!(clock.latest_us(at(81_000)), Some(5_001));
     }

@@ -13,9 +13,9 @@ use host_protocol::{
     Setting, StateFields, StopTarget, Subject, Value,
 };
 
-use crate::client::{Client, DEADLINE, EXPIRY_MARGIN, REPEAT_MOVE_AFTER};
+use crate::client::{Client, EXPIRY_MARGIN, REPEAT_MOVE_AFTER};
 use crate::error::ClientError;
-use crate::stopping::REPEAT_STOP_AFTER;
+use crate::stopping::StopRequest;
 use crate::stream::expiry_excess;
 use crate::transport::Transport;
 
@@ -357,21 +357,28 @@ impl<T: Transport> Client<T> {
         Ok(())
     }
 
-    /// Runs the stop action of one axis or of all. Needs no authority.
+    /// Runs the stop action of one axis or of all. Needs no authority. It is the next frame written,
+    /// and written again until it is answered; a connection that fails is opened again for it.
     ///
     /// # Errors
-    /// As [`request`](Self::request).
+    /// As [`stop_armed`](Self::stop_armed).
     pub fn stop(&mut self, target: StopTarget) -> Result<(), ClientError> {
-        self.exchange(&ask::Stop { target }, DEADLINE, REPEAT_STOP_AFTER).map(drop)
+        self.stop_first(StopRequest::Stop(target))
     }
 
     /// Emergency stop: trips every axis that may move, stops the others too, and latches the
-    /// gateway. Needs no authority.
+    /// gateway. Needs no authority. It is sent as [`stop`](Self::stop).
     ///
     /// # Errors
-    /// As [`request`](Self::request).
+    /// As [`stop_armed`](Self::stop_armed).
     pub fn estop(&mut self) -> Result<(), ClientError> {
-        self.exchange(&ask::EStop {}, DEADLINE, REPEAT_STOP_AFTER).map(drop)
+        self.stop_first(StopRequest::EStop)
+    }
+
+    fn stop_first(&mut self, request: StopRequest) -> Result<(), ClientError> {
+        // An interrupt stops what was armed here, and goes before.
+        self.heed_interrupt(ask::Stop::NUMBER)?;
+        self.until_stopped(&[request])
     }
 
     /// Unsafe: leaves the trip of an axis whose motor cannot be reached or does not come to rest.
@@ -398,7 +405,7 @@ impl<T: Transport> Client<T> {
     ) -> Result<(), ClientError> {
         self.refresh_clock()?;
         let request = ask::Setpoint { axis, epoch, expires_at_us: self.expiry(ttl), setpoint };
-        self.request_within(&request, ttl).map(drop)
+        self.exchange(&request, ttl, REPEAT_MOVE_AFTER).map(drop)
     }
 
     /// Moves an armed axis by `distance_rad`, positive is counter-clockwise, at `speed_limit_rad_s`

@@ -6,7 +6,7 @@ use std::time::Duration;
 use host_protocol::requests as ask;
 use host_protocol::{Call, CycleState, FixedU32, MAX_CYCLE_AXES, Setpoint, StateFields};
 
-use crate::client::Client;
+use crate::client::{Client, REPEAT_MOVE_AFTER};
 use crate::commands::MOTOR_DEADLINE;
 use crate::error::ClientError;
 use crate::transport::Transport;
@@ -116,7 +116,7 @@ impl<T: Transport> Client<T> {
             axes,
             setpoints: sorted.iter().map(|of| of.setpoint).collect(),
         };
-        let report = self.request_within(&request, ttl)?;
+        let (report, _) = self.exchange(&request, ttl, REPEAT_MOVE_AFTER)?;
         Ok(report.states().collect())
     }
 

@@ -126,9 +126,9 @@ impl<T: Transport> Client<T> {
             }
             self.pass_time(next_round.min(end))?;
             let now = self.now();
-            if let Some(stream) = &mut self.stream {
-                stream.check(now)?;
-            }
+            // What a round has not told: sending has failed, or was interrupted.
+            let Some(stream) = &mut self.stream else { return Err(self.ended_in_a_round()) };
+            stream.check(now)?;
         }
         Ok(())
     }

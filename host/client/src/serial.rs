@@ -11,6 +11,8 @@ use crate::transport::Transport;
 
 /// Read timeout a port is opened with; each `receive` sets its own.
 const OPENING_TIMEOUT: Duration = Duration::from_millis(10);
+/// A device that takes no bytes for so long is gone.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Shortest read timeout that the operating system is asked for; below its clock's tick it may not
 /// wait at all.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
@@ -53,11 +55,17 @@ impl std::fmt::Debug for SerialTransport {
 
 impl Transport for SerialTransport {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.port()?.write_all(bytes)
+        let port = self.port()?;
+        // Reading has set another.
+        port.set_timeout(WRITE_TIMEOUT)?;
+        port.write_all(bytes)
     }
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let port = self.port()?;
+        if timeout.is_zero() && port.bytes_to_read()? == 0 {
+            return Ok(0);
+        }
         port.set_timeout(timeout.max(SHORTEST_WAIT))?;
         match port.read(buffer) {
             Ok(count) => Ok(count),

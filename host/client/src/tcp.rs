@@ -75,8 +75,17 @@ impl Transport for TcpTransport {
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let stream = self.stream()?;
-        stream.set_read_timeout(Some(timeout.max(SHORTEST_WAIT)))?;
-        match stream.read(buffer) {
+        let read = if timeout.is_zero() {
+            // The shortest wait of the operating system is a tick of its clock: some milliseconds.
+            stream.set_nonblocking(true)?;
+            let read = stream.read(buffer);
+            stream.set_nonblocking(false)?;
+            read
+        } else {
+            stream.set_read_timeout(Some(timeout.max(SHORTEST_WAIT)))?;
+            stream.read(buffer)
+        };
+        match read {
             Ok(0) if !buffer.is_empty() => {
                 let closed = "the other side closed the connection";
                 Err(self.lost(io::Error::new(io::ErrorKind::UnexpectedEof, closed)))
@@ -140,6 +149,25 @@ mod tests {
     use super::*;
     use crate::{Client, ClientError};
     use std::net::TcpListener;
+
+    /// Nor does it make the next write or wait one that waits for nothing.
+    #[test]
+    fn a_read_without_time_takes_what_is_there() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let mut transport = TcpTransport::connect(&address).unwrap();
+        let mut other = listener.accept().unwrap().0;
+        let mut buffer = [0; 8];
+        assert_eq!(transport.receive(&mut buffer, Duration::ZERO).unwrap(), 0);
+        transport.send(b"x").unwrap();
+        assert_eq!(other.read(&mut buffer).unwrap(), 1);
+        other.write_all(b"ab").unwrap();
+        assert_eq!(transport.receive(&mut buffer[..1], Duration::from_secs(60)).unwrap(), 1);
+        assert_eq!(transport.receive(&mut buffer, Duration::ZERO).unwrap(), 1);
+        let begin = transport.now();
+        assert_eq!(transport.receive(&mut buffer, Duration::from_millis(20)).unwrap(), 0);
+        assert!(transport.now() - begin >= Duration::from_millis(10));
+    }
 
     #[test]
     fn a_server_that_closes_before_it_has_said_anything_has_no_link_left() {

@@ -39,8 +39,17 @@ impl Transport for UnixTransport {
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let stream = self.stream()?;
-        stream.set_read_timeout(Some(timeout.max(SHORTEST_WAIT)))?;
-        match stream.read(buffer) {
+        let read = if timeout.is_zero() {
+            // As on TCP.
+            stream.set_nonblocking(true)?;
+            let read = stream.read(buffer);
+            stream.set_nonblocking(false)?;
+            read
+        } else {
+            stream.set_read_timeout(Some(timeout.max(SHORTEST_WAIT)))?;
+            stream.read(buffer)
+        };
+        match read {
             Ok(0) if !buffer.is_empty() => {
                 let closed = "the server closed the connection: it has lost the gateway, or ended";
                 Err(io::Error::new(io::ErrorKind::UnexpectedEof, closed))

@@ -54,7 +54,12 @@ pub fn while_armed(
 fn arm_all(session: &mut Session, axes: &[u8], held: &mut Vec<ArmedAxis>) -> Result<(), Failure> {
     for axis in axes.iter().copied() {
         let ttl = session.client.axis_ttl(axis)?;
-        let armed = session.client.arm(axis)?;
+        let armed = session.client.arm(axis).inspect_err(|error| {
+            // Unless it was refused it may be armed, and has been stopped for that.
+            if !matches!(error, ClientError::Gateway(_)) {
+                held.push(ArmedAxis { axis, epoch: 0, ttl });
+            }
+        })?;
         held.push(ArmedAxis { axis, epoch: armed.epoch, ttl });
         tell_armed(session, axis, &armed)?;
     }

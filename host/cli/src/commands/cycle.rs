@@ -15,7 +15,7 @@ use crate::explain::Page;
 use crate::failure::Failure;
 use crate::json;
 use crate::output::Output;
-use crate::session::{Session, print_events};
+use crate::session::{EVENTS_AT_ONCE, Session, print_events};
 use crate::table::Table;
 use crate::words::{self, NOTHING};
 
@@ -45,7 +45,8 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
     for CycleTarget { axis, setpoint } in &targets {
         limits::check_setpoint(session, *axis, *setpoint)?;
     }
-    let period = Duration::from_secs_f64(1.0 / arguments.rate);
+    // Longer than there are seconds is longer than any gateway takes.
+    let period = Duration::try_from_secs_f64(1.0 / arguments.rate).unwrap_or(Duration::MAX);
     let mut periods = Periods::new(session);
     let stopped = while_armed(session, &axes, |session, armed| {
         session.client.run_cycle(&axes, StateFields::of(&arguments.fields), period)?;
@@ -59,8 +60,10 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
             session.client.hold_setpoints(&holds, duration, |client| periods.turn(client, armed));
         periods.failure.take().map_or(held.map_err(Failure::from), Err)
     });
-    periods.tell_end(session)?;
-    stopped?.iter().try_for_each(|report| tell_stopped(session, report))
+    let told = periods.tell_end(session);
+    let stopped = stopped?;
+    told?;
+    stopped.iter().try_for_each(|report| tell_stopped(session, report))
 }
 
 /// What was told of the periods so far.
@@ -101,7 +104,8 @@ impl Periods {
         client: &mut Client<T>,
         armed: &[ArmedAxis],
     ) -> Result<Option<Failure>, Failure> {
-        while let Some(message) = client.poll_cycle(Duration::ZERO)? {
+        for _ in 0..EVENTS_AT_ONCE {
+            let Some(message) = client.poll_cycle(Duration::ZERO)? else { break };
             self.told += 1;
             self.latest_us = self.latest_us.max(message.event.late_us);
             self.last = Some(message.event);

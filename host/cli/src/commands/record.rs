@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::args::RecordArgs;
 use crate::failure::Failure;
 use crate::record::{Recording, Tap, What};
-use crate::session::Session;
+use crate::session::{EVENTS_AT_ONCE, Session};
 use crate::states;
 
 /// Between two looks at what has come: so much later a period of a cycle is at most.
@@ -72,11 +72,15 @@ fn follow(
     while !recording.has_failed() && end.is_none_or(|end| client.now() < end) {
         client.keep_subscription()?;
         let mut next = client.poll_event(LOOK_EVERY)?;
-        while let Some(message) = next {
+        // If they come without end, what else is to be done has its turn all the same.
+        for _ in 0..EVENTS_AT_ONCE {
+            let Some(message) = next else { break };
             tap.put(What::Event(message));
             next = client.poll_event(Duration::ZERO)?;
         }
-        while let Some(message) = client.poll_cycle(Duration::ZERO)? {
+        next.into_iter().for_each(|message| tap.put(What::Event(message)));
+        for _ in 0..EVENTS_AT_ONCE {
+            let Some(message) = client.poll_cycle(Duration::ZERO)? else { break };
             tap.put(What::Cycle(message));
         }
         let losses = client.losses();

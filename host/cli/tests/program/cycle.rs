@@ -32,6 +32,16 @@ fn axes_of_three_protocols_are_driven_in_one_period_and_stopped() {
     assert_eq!(stopped, [0, 1, 2]);
 }
 
+/// Events come faster than the shortest wait of the operating system.
+#[test]
+fn a_fast_cycle_ends_when_its_time_is_over() {
+    let sim = Sim::patient();
+    let lines = sim
+        .mgw(&["--json", "cycle", "0", "velocity", "2", "--rate", "1000", "--for", "1"])
+        .json_lines();
+    assert!(!of(&lines, "period").is_empty() && of(&lines, "stopped").len() == 1, "{lines:?}");
+}
+
 #[test]
 fn an_interrupt_stops_the_motors_and_tells_how_it_went() {
     let sim = Sim::patient();
@@ -58,6 +68,7 @@ fn what_cannot_be_driven_so_is_refused_with_the_reason() {
     for (words, name) in [
         // 0.25 to 20 ms.
         (&["0", "velocity", "2", "--rate", "5000"][..], "out_of_range"),
+        (&["0", "velocity", "2", "--rate", "1e-20"], "out_of_range"),
         (&["0", "velocity", "2", "--rate", "10"], "out_of_range"),
         (&["2", "current", "1", "--rate", "100"], "unsupported"),
         (&["0", "velocity", "nan", "--rate", "100"], "not_a_number"),

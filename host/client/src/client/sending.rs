@@ -33,7 +33,7 @@ impl<T: Transport> Client<T> {
         let name = request_name(C::NUMBER).unwrap_or("a request");
         let start = self.transport.now();
         let (end, mut next_sending) = (start.saturating_add(deadline), start);
-        let mut first = None;
+        let (mut first, mut own) = (None, 0);
         let mut frame = [0; MAX_FRAME];
         loop {
             self.heed_interrupt(C::NUMBER)?;
@@ -58,10 +58,11 @@ impl<T: Transport> Client<T> {
                 }
             };
             // Among so many others the gateway would take it for a new one.
-            let is_known = self.written - order < REMEMBERED || !acts_each_time(C::NUMBER);
+            let is_known = self.written - order - own < REMEMBERED || !acts_each_time(C::NUMBER);
             if now >= next_sending {
                 if is_known {
                     self.write(C::NUMBER, frame.get(..length).unwrap_or(&frame))?;
+                    own += 1;
                 }
                 if self.baud.is_in_doubt(now) {
                     self.post(&Ping {})?;
@@ -229,6 +230,15 @@ impl<T: Transport> Client<T> {
         self.interrupt.lower();
         (self.interrupted, self.has_stopped) = (false, false);
         Ok(())
+    }
+
+    /// Why nothing is sent any more that was to be kept up.
+    pub(crate) fn ended_in_a_round(&self) -> ClientError {
+        if self.interrupted {
+            return self.ended_early();
+        }
+        let ended = "sending has failed in this round, and what was kept up has ended";
+        ClientError::Transport(std::io::Error::new(std::io::ErrorKind::NotConnected, ended))
     }
 
     fn ended_early(&self) -> ClientError {

@@ -1,5 +1,6 @@
 //! The client against a gateway that is a script, in virtual time.
 
+mod bad_line;
 mod flight;
 mod hold;
 mod hostile;
