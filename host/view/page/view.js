@@ -117,6 +117,7 @@ setInterval(() => {
 function goBlind() {
   if (isBlind) return;
   isBlind = true;
+  endJogs();
   for (const axis of axes.values()) {
     axis.card.classList.add('blind');
     set(axis.stateText, `unknown, was ${axis.stateText.textContent}`);
@@ -162,11 +163,16 @@ const told = {
   },
   axes(message) {
     set($('link'), `${message.name ?? 'connected'}: ${message.board}, firmware ${message.firmware}`);
+    // Their buttons go: who holds one can no longer let it go.
+    endJogs();
+    const armed = [...axes.values()].filter((axis) => axis.armedHere).map((axis) => axis.number);
     axes.clear();
     isBlind = false;
     $('axes').replaceChildren();
     $('legend').replaceChildren();
     for (const axis of message.axes) addAxis(axis);
+    for (const number of armed) if (axes.has(number)) axes.get(number).armedHere = true;
+    showControls();
     if (message.axes.length === 0) {
       $('axes').append('No axis is configured: mgw config apply FILE does it.');
     }

@@ -75,8 +75,10 @@ pub fn file(
     let failed = |source| Failure::File { path: path.display().to_string(), source };
     let mut source = File::open(path).map_err(failed)?;
     let is_whole = has_end(&mut source).map_err(failed)?;
-    let options =
-        LinearReaderOptions::default().with_skip_end_magic(true).with_record_length_limit(LONGEST);
+    let options = LinearReaderOptions::default()
+        .with_skip_end_magic(true)
+        .with_record_length_limit(LONGEST)
+        .with_validate_chunk_crcs(true);
     for message in MessageReader::new_with_options(BufReader::new(source), options) {
         let message = match message {
             Ok(message) => message,

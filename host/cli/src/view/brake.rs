@@ -1,7 +1,9 @@
 //! The stop: on a connection of its own, which waits behind nothing, for whoever asks.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
 use std::thread;
+use std::time::{Duration, Instant};
 
 use host_protocol::StopTarget;
 use mgw_client::{Interrupt, StopRequest, Transport};
@@ -24,6 +26,10 @@ const AWAITED: usize = 32;
 
 static SENDING: AtomicUsize = AtomicUsize::new(0);
 static WAITING: AtomicUsize = AtomicUsize::new(0);
+
+/// Behind a stop that was taken, for the motors' confirmations: a page gives its request up after
+/// 3.5 s.
+const REPORTED_WITHIN: Duration = Duration::from_secs(2);
 
 /// A place among so many, until it is dropped.
 struct Place(&'static AtomicUsize);
@@ -88,11 +94,28 @@ pub fn stop_for(reach: &Reach, outbox: &Outbox) {
     });
 }
 
-/// Stops for a request of HTTP: whether it was taken, and what it came to, as JSON.
+/// Stops for a request of HTTP: whether it was taken, and what it came to, as JSON. Who asks waits
+/// for the motors' confirmations only so long as it would still hear that it was taken.
 pub fn stop_by_post(reach: &Reach) -> (bool, String) {
-    let mut taken = false;
-    match stop(reach, || taken = true) {
-        Ok(axes) => (true, report(&axes).to_string()),
-        Err(failure) => (taken, failure.to_json().to_string()),
+    let (tell, told) = mpsc::channel();
+    let reach = reach.clone();
+    thread::spawn(move || {
+        let ended = stop(&reach, || drop(tell.send(None)));
+        let _ = tell.send(Some(ended));
+    });
+    let mut taken = None::<Instant>;
+    loop {
+        let next = match taken {
+            None => told.recv().ok(),
+            Some(at) => told.recv_timeout(REPORTED_WITHIN.saturating_sub(at.elapsed())).ok(),
+        };
+        match next {
+            Some(None) => taken = Some(Instant::now()),
+            Some(Some(Ok(axes))) => return (true, report(&axes).to_string()),
+            Some(Some(Err(failure))) => return (taken.is_some(), failure.to_json().to_string()),
+            None => {
+                return (taken.is_some(), json!({ "event": "stop", "phase": "taken" }).to_string());
+            }
+        }
     }
 }

@@ -142,7 +142,8 @@ impl<'a> Eye<'a> {
             self.take(&message);
             next = self.client.poll_event(Duration::ZERO)?;
         }
-        while let Some(message) = self.client.poll_cycle(Duration::ZERO)? {
+        for _ in 0..EVENTS_AT_ONCE {
+            let Some(message) = self.client.poll_cycle(Duration::ZERO)? else { break };
             self.lost += u64::from(message.dropped);
             self.envelope.take_cycle(&message);
             self.publish(What::Cycle(message));
