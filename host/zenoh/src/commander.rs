@@ -24,6 +24,9 @@ const SEEN_WITHIN: Duration = Duration::from_secs(2);
 const FIRST_LOOKS: usize = 3;
 /// A measure of the clock that is older gives way to the next, however quick that is.
 const CLOCK_VALID_FOR: Duration = Duration::from_secs(10);
+/// How old the last look at the gateway's clock may be when a setpoint is sent: two clocks drift
+/// apart.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// Before it is asked again.
 const AGAIN_AFTER: Duration = Duration::from_millis(20);
 
@@ -134,6 +137,8 @@ pub struct Commander {
     ahead_us: u64,
     quickest: Duration,
     measured: Instant,
+    /// When it was looked at last.
+    looked: Instant,
     link_silence: Duration,
     /// Shows that this peer is there, until this is dropped.
     _alive: LivelinessToken,
@@ -167,6 +172,7 @@ impl Commander {
             ahead_us: 0,
             quickest: Duration::MAX,
             measured: Instant::now(),
+            looked: Instant::now(),
             link_silence: Duration::from_micros(taken["link_silence_us"].as_u64().unwrap_or(0)),
             _alive: alive,
         };
@@ -193,6 +199,7 @@ impl Commander {
     pub fn keep_alive(&mut self) -> Result<(), Refused> {
         let asked = Instant::now();
         let answer = self.order(Word::KeepAlive, json!({}))?;
+        self.looked = asked;
         let round = asked.elapsed();
         let time_us = answer["time_us"].as_u64();
         let time_us = time_us.ok_or_else(|| no_answer("the gateway's time"))?;
@@ -232,7 +239,8 @@ impl Commander {
     }
 
     /// Says what an armed axis shall do from now on, for `ttl` at most: less than the axis's, as
-    /// the guess of the gateway's time may be wrong by half a round trip.
+    /// the guess of the gateway's time may be wrong by half a round trip. Twice a second that is
+    /// asked for first.
     ///
     /// # Errors
     /// The gateway's refusal.
@@ -243,6 +251,9 @@ impl Commander {
         setpoint: Setpoint,
         ttl: Duration,
     ) -> Result<(), Refused> {
+        if self.looked.elapsed() >= LOOK_EVERY {
+            self.keep_alive()?;
+        }
         let expires_at_us = self.gateway_now_us().wrapping_add(micros(ttl));
         let mut body = json!({ "axis": axis, "epoch": epoch, "expires_at_us": expires_at_us });
         if let (Some(body), Ok(Value::Object(wire))) =

@@ -185,7 +185,11 @@ impl<'a, T: Transport> Eye<'a, T> {
             next = self.client.poll_event(Duration::ZERO)?;
         }
         // Periods of a cycle are for who runs it; they must not pile up here.
-        while self.client.poll_cycle(Duration::ZERO)?.is_some() {}
+        for _ in 0..EVENTS_AT_ONCE {
+            if self.client.poll_cycle(Duration::ZERO)?.is_none() {
+                break;
+            }
+        }
         Ok(())
     }
 

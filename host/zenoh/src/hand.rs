@@ -186,6 +186,8 @@ fn obey(
     let (word, done) = match deed {
         Deed::Arm { axis } => (Word::Arm, arm(client, axis)),
         Deed::Set { axis, epoch, expires_at_us, setpoint } => {
+            // What is said of the gateway's time is held against no older measure.
+            client.refresh_clock()?;
             let now_us = client.gateway_now_us();
             if now_us.abs_diff(expires_at_us) > FAR_US {
                 let why = format!(
