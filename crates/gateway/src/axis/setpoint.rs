@@ -184,11 +184,12 @@ impl Axis {
         once: bool,
         out: &mut Outbox<'_>,
     ) {
-        let is_in_force = self.is_in_force(&command);
+        let stays_doubtful =
+            self.armed().is_some_and(|armed| armed.echo.is_doubtful) && self.is_in_force(&command);
         self.end_cycle(CycleResult::Superseded);
         let due = self.motion_due(now, expires);
         let Some(armed) = self.armed_mut() else { return };
-        armed.echo.is_doubtful &= is_in_force;
+        armed.echo.is_doubtful = stays_doubtful;
         armed.motions = armed.motions.wrapping_add(1);
         let motion = Motion { command, number: armed.motions, expires, due: Some(due), once };
         match &mut self.state {
@@ -253,8 +254,6 @@ impl Axis {
         if let Some(job) = &mut self.job {
             job.note_handed(exchange);
         }
-        let is_of_job = self.job_step() == Some(exchange);
-        let is_of_part = self.part_read().is_some_and(|(read, _)| read == exchange);
         if exchange == Exchange::Motion {
             let refresh = self.refresh();
             if let State::Active(armed, motion) = &mut self.state {
@@ -281,6 +280,8 @@ impl Axis {
         }
         // What a job asks for, or a cycle, has a rhythm of its own; but where it is what the polls ask
         // for too they have their turn, or they would be overdue longest for ever.
+        let is_of_job = self.job_step() == Some(exchange);
+        let is_of_part = self.part_read().is_some_and(|(read, _)| read == exchange);
         if !is_of_job && !is_of_part || self.is_next_poll(now, exchange) {
             self.state_poll_at = now + self.turn();
             self.poll_index = self.poll_index.wrapping_add(1);

@@ -280,7 +280,8 @@ impl Gateway {
     /// While something is stored the configuration stays as it is, and nothing begins to move: the
     /// flash may hold the processor up.
     pub(crate) fn refuse_while_saving(&self, request: &Request) -> Result<()> {
-        if request.is(class::BEGINS | class::CHANGES) { self.refuse_saving() } else { Ok(()) }
+        let is_refused = self.stored.is_saving() && request.is(class::BEGINS | class::CHANGES);
+        if is_refused { Err(Error::Saving {}) } else { Ok(()) }
     }
 
     /// The same of what is one of those requests by its bytes.

@@ -137,6 +137,7 @@ impl Links {
     }
 
     /// Takes an event that every host is told, and the log.
+    #[inline(never)]
     pub fn event(&mut self, now_us: u64, event: &Event) {
         self.push(now_us, LogEntry::Event(*event));
         if let Event::Tripped { axis, .. } = event {
@@ -154,6 +155,7 @@ impl Links {
     }
 
     /// Adds to the log alone.
+    #[inline(never)]
     pub fn log(&mut self, entry: LogEntry) {
         self.push(0, entry);
     }
