@@ -6,7 +6,7 @@
 use std::ops::ControlFlow;
 use std::process;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use host_protocol::{ClearTarget, MAX_CYCLE_AXES, StopTarget};
@@ -28,6 +28,10 @@ const TURN: Duration = Duration::from_millis(1);
 const PATIENCE: Duration = Duration::from_secs(5);
 /// No thread.
 const NOBODY: u64 = 0;
+/// What a signal handler may ask for in the middle of a call; the greater goes before the less.
+const ASKED_NOTHING: u8 = 0;
+const ASKED_STOP: u8 = 1;
+const ASKED_E_STOP: u8 = 2;
 
 type Inner = Client<Carrier>;
 
@@ -44,6 +48,8 @@ pub struct Session {
     /// That call may last: a stop does not wait for it.
     lasts: AtomicBool,
     closed: AtomicBool,
+    /// What a signal handler has asked for in the call under way.
+    asked: AtomicU8,
 }
 
 impl Session {
@@ -70,6 +76,7 @@ impl Session {
             owner: AtomicU64::new(NOBODY),
             lasts: AtomicBool::new(false),
             closed: AtomicBool::new(false),
+            asked: AtomicU8::new(ASKED_NOTHING),
         })
     }
 
@@ -79,10 +86,20 @@ impl Session {
         py: Python<'_>,
         act: impl FnOnce(&mut Inner) -> Result<R, Failed> + Send,
     ) -> PyResult<R> {
+        self.run_when(py, false, act)
+    }
+
+    /// The same; what `is_urgent` ends a call that may last.
+    fn run_when<R: Send>(
+        &self,
+        py: Python<'_>,
+        is_urgent: bool,
+        act: impl FnOnce(&mut Inner) -> Result<R, Failed> + Send,
+    ) -> PyResult<R> {
         self.check_process()?;
         let looks = is_main_thread(py)?;
         let done = py.detach(|| {
-            let mut client = self.lock(looks, false)?;
+            let mut client = self.lock(looks, is_urgent)?;
             self.done(&mut client, looks, true, act)
         });
         Ok(done?)
@@ -124,7 +141,8 @@ impl Session {
                     if let Err(error) = Python::attach(|py| py.check_signals()) {
                         // As within any call: what is armed is stopped before it is told.
                         self.signals.interrupt.raise();
-                        self.lock(false, false)?.as_mut().map(Client::resume).transpose()?;
+                        let mut client = self.lock(false, false)?;
+                        self.done(&mut client, false, false, |client| Ok(client.resume()?))?;
                         return Err(error.into());
                     }
                 }
@@ -148,17 +166,31 @@ impl Session {
         self.owner.store(this_thread(), Ordering::Release);
         inner.transport_mut().begin(looks);
         let result = act(inner);
+        let raised = self.signals.take();
+        let is_ended = raised.is_some() || matches!(result, Err(Failed::Interrupted));
+        let stopped = self.stop_what_was_asked(inner, is_ended);
+        // Until here: a signal handler that comes meanwhile must not wait for this call.
         self.owner.store(NOBODY, Ordering::Release);
         self.lasts.store(false, Ordering::Release);
-        let raised = self.signals.take();
+        stopped?;
+        raised.map_or(result, |error| Err(Failed::Raised(error)))
+    }
+
+    /// Stops what a call that has ended early had armed, and whatever signal handlers asked for
+    /// meanwhile.
+    fn stop_what_was_asked(&self, inner: &mut Inner, is_ended: bool) -> Result<(), ClientError> {
         if self.closed.load(Ordering::Acquire) {
             // A signal handler has closed it in the middle of this call, or another thread is about
             // to, which waits.
             let _ = inner.stop_armed();
-        } else if raised.is_some() || matches!(result, Err(Failed::Interrupted)) {
+        } else if is_ended {
             inner.resume()?;
         }
-        raised.map_or(result, |error| Err(Failed::Raised(error)))
+        match self.asked.swap(ASKED_NOTHING, Ordering::AcqRel) {
+            ASKED_NOTHING => Ok(()),
+            ASKED_E_STOP => inner.resume().and_then(|()| inner.estop()),
+            _ => inner.resume().and_then(|()| inner.stop(StopTarget::All)),
+        }
     }
 
     /// The client, when no other call uses it; one that may last is ended if it `is_urgent`.
@@ -190,23 +222,21 @@ impl Session {
     fn stop_now(
         &self,
         py: Python<'_>,
+        asked: u8,
         stop: impl FnOnce(&mut Inner) -> Result<(), ClientError> + Send,
     ) -> PyResult<()> {
         self.check_process()?;
         if self.owner.load(Ordering::Acquire) == this_thread() {
-            // In a signal handler: the call under way stops what is armed when this returns.
+            // In a signal handler: the call under way stops what is armed when this returns, and
+            // then does what was asked for.
+            self.asked.fetch_max(asked, Ordering::AcqRel);
             self.signals.interrupt.raise();
             return Ok(());
         }
-        let looks = is_main_thread(py)?;
-        let done = py.detach(|| {
-            let mut client = self.lock(looks, true)?;
-            self.done(&mut client, looks, true, |client| {
-                client.resume()?;
-                Ok(stop(client)?)
-            })
-        });
-        Ok(done?)
+        self.run_when(py, true, |client| {
+            client.resume()?;
+            Ok(stop(client)?)
+        })
     }
 
     fn check_process(&self) -> PyResult<()> {
@@ -413,12 +443,12 @@ impl Session {
 
     /// Stops every axis; it ends the call that another thread has under way.
     fn stop_all(&self, py: Python<'_>) -> PyResult<()> {
-        self.stop_now(py, |client| client.stop(StopTarget::All))
+        self.stop_now(py, ASKED_STOP, |client| client.stop(StopTarget::All))
     }
 
     /// The emergency stop, likewise.
     fn estop(&self, py: Python<'_>) -> PyResult<()> {
-        self.stop_now(py, Client::estop)
+        self.stop_now(py, ASKED_E_STOP, Client::estop)
     }
 
     /// Makes a configuration, the text of a file, that of the gateway: how many changes, and how
@@ -462,8 +492,12 @@ impl Session {
         })
     }
 
+    /// Ends an axis's permission to move, and the call of another thread that keeps it moving.
     fn disarm(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.disarm(axis)?))
+        self.run_when(py, true, |client| {
+            client.resume()?;
+            Ok(client.disarm(axis)?)
+        })
     }
 
     fn stop_axis(&self, py: Python<'_>, axis: u8) -> PyResult<()> {

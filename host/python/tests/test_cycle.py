@@ -24,7 +24,7 @@ from motor_gateway import (
     make_velocity,
 )
 
-PERIOD_S = 0.002
+PERIOD_S = 0.004
 
 
 def test_a_free_running_cycle_tells_of_each_period(gateway: Gateway) -> None:

@@ -18,6 +18,7 @@ from motor_gateway import (
     AxisState,
     ClosedError,
     Gateway,
+    GatewayError,
     InterruptedCallError,
     Simulator,
     StopUnansweredError,
@@ -227,6 +228,35 @@ def test_a_signal_handler_may_stop(gateway: Gateway) -> None:
         assert [getattr(error, "name") for error in raised] == ["Reentered"]
         state = gateway.state(0)
         assert state.state in ("stopping", "holding") and state.trip is None
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_an_e_stop_of_a_signal_handler_is_one(gateway: Gateway) -> None:
+    calls: List[int] = []
+
+    def handler(*_: object) -> None:
+        calls.append(1)
+        gateway.estop()
+
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        for armed in (True, False):
+            signal.setitimer(signal.ITIMER_REAL, 0.1)
+            if armed:
+                motors = gateway.arm(0)
+                with pytest.raises(InterruptedCallError):
+                    motors.hold([make_velocity(0, 2.0)], 1e6)
+            else:
+                # Who only listens goes on.
+                while len(calls) < 2:
+                    gateway.pause(0.4)
+            with pytest.raises(GatewayError) as refused:
+                gateway.arm(0)
+            assert refused.value.name == "EStopped"
+            gateway.wait_until_stopped(0)
+            gateway.clear()
+            gateway.clear(0)
     finally:
         signal.signal(signal.SIGALRM, before)
 
