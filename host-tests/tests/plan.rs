@@ -253,7 +253,7 @@ fn overruns(events: &[CycleEvent]) -> u32 {
 fn random_gateways(seed: u64) -> impl Iterator<Item = Gateway> {
     let mut random = fastrand::Rng::with_seed(seed);
     let gateways = std::iter::repeat_with(move || random_gateway(&mut random));
-    gateways.filter(|gateway| (1..=MAX_CYCLE_AXES).contains(&gateway.motors.len())).take(150)
+    gateways.filter(|gateway| (1..=MAX_CYCLE_AXES).contains(&gateway.motors.len())).take(90)
 }
 
 #[test]
@@ -271,7 +271,7 @@ fn from_its_steady_period_on_no_period_of_run_cycle_is_longer() {
             kept += 1;
         }
     }
-    assert!(kept > 10_000, "{kept}");
+    assert!(kept > 8_000, "{kept}");
 }
 
 /// The plan is not so careful that nothing could break it.
@@ -286,7 +286,7 @@ fn half_of_the_planned_period_is_refused_or_overrun() {
         all += 1;
     }
     // Where setpoints are sent again within the planned period, half of it may do without.
-    assert!(all > 100 && broken * 100 >= all * 95, "{broken} of {all}");
+    assert!(all > 50 && broken * 100 >= all * 95, "{broken} of {all}");
 }
 
 #[test]
@@ -308,5 +308,5 @@ fn no_cycle_takes_longer_than_the_longest() {
             rounds += 1;
         }
     }
-    assert!(rounds > 3_000, "{rounds}");
+    assert!(rounds > 1_500, "{rounds}");
 }
