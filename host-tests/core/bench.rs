@@ -1,10 +1,11 @@
 //! A rig with configured motors, and what a host does with them.
 
 use crate::motors::{self, Play, Shared};
-use crate::rig::{Instead, Rig};
+use crate::rig::{Instead, Rig, Said};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, ProtocolSet, Reply,
-    Request, Setpoint, StopAction, StopTarget, TripReason, Value, replies, requests,
+    AxisParameter, AxisState, ClearTarget, CycleEvent, Error, Event as HostEvent, Protocol,
+    ProtocolSet, Reply, Request, Setpoint, StateFields, StopAction, StopTarget, TripReason, Value,
+    replies, requests,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -234,6 +235,26 @@ pub fn run_with_host(rig: &mut Rig, us: u64) {
         rig.send(&Request::Ping(requests::Ping {}));
         rig.run(PERIOD_US.min(end - rig.now_us));
     }
+}
+
+/// Has the gateway drive these axes in a period of its own.
+pub fn run_cycle(
+    rig: &mut Rig,
+    axes: u32,
+    fields: StateFields,
+    period_us: u32,
+) -> Result<(), Error> {
+    let request = Request::RunCycle(requests::RunCycle { axes, fields, period_us });
+    rig.ask(request).map(|reply| assert_eq!(reply, Reply::RunCycle(replies::Done {})))
+}
+
+/// What was told of its periods.
+pub fn periods(rig: &Rig) -> Vec<&CycleEvent> {
+    let periods = rig.said.iter().filter_map(|said| match said {
+        Said::Cycle(message) => Some(&message.event),
+        _ => None,
+    });
+    periods.collect()
 }
 
 /// Stops axis 0.

@@ -1,11 +1,11 @@
 //! What a period of the free-running cycle reads beside its setpoint, and what that costs (PROTOCOL.md,
 //! the free-running cycle).
 
-use crate::bench::{self, arm, expiry, listed, parameter, run_with_host};
-use crate::rig::{Instead, Rig, Said};
+use crate::bench::{self, arm, listed, parameter, periods, run_cycle, run_with_host};
+use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, CycleEvent, CycleResult, Error, Protocol, Request, Setpoint,
-    StateField, StateFields, Value, requests,
+    AxisParameter, AxisState, CycleResult, Error, Protocol, Request, Setpoint, StateField,
+    StateFields, Value, requests,
 };
 
 const SPEED: StateFields = StateFields::of(&[StateField::Velocity]);
@@ -16,26 +16,8 @@ const PERIOD_US: u32 = 5_000;
 const READ: &str = "00B#D50B050226000038";
 const UNKNOWN: &str = "00B#5D0B050203EEEEF1";
 
-fn run_cycle(rig: &mut Rig, fields: StateFields, period_us: u32) -> Result<(), Error> {
-    rig.ask(Request::RunCycle(requests::RunCycle { axes: 1, fields, period_us })).map(drop)
-}
-
-fn set(rig: &mut Rig, epoch: u32, lives_us: u64, setpoint: Setpoint) {
-    let request =
-        requests::Setpoint { axis: 0, epoch, expires_at_us: expiry(rig, lives_us), setpoint };
-    rig.ask(Request::Setpoint(request)).unwrap();
-}
-
-fn events(rig: &Rig) -> Vec<&CycleEvent> {
-    let events = rig.said.iter().filter_map(|said| match said {
-        Said::Cycle(message) => Some(&message.event),
-        _ => None,
-    });
-    events.collect()
-}
-
 fn last_result(rig: &Rig) -> CycleResult {
-    events(rig).last().unwrap().states().next().unwrap().result
+    periods(rig).last().unwrap().states().next().unwrap().result
 }
 
 /// Of motors whose polls are few, too, and without a subscription.
@@ -44,9 +26,9 @@ fn what_is_told_in_turns_is_read() {
     let fields = StateFields::of(StateField::ALL);
     for (mut rig, _) in [bench::thruster(), bench::d5()] {
         arm(&mut rig);
-        run_cycle(&mut rig, fields, PERIOD_US).unwrap();
+        run_cycle(&mut rig, 1, fields, PERIOD_US).unwrap();
         run_with_host(&mut rig, 2_000_000);
-        let slow = events(&rig).last().unwrap().slow.unwrap();
+        let slow = periods(&rig).last().unwrap().slow.unwrap();
         for reading in [slow.driver_temperature_c, slow.motor_temperature_c] {
             assert!(reading.unwrap().age_us < 1_200_000, "{slow:?}");
         }
@@ -58,13 +40,13 @@ fn a_read_that_the_motor_refuses_is_over() {
     let (mut rig, _) = bench::d5();
     arm(&mut rig);
     rig.instead(|text| if text == READ { Instead::Says(UNKNOWN) } else { Instead::AsUsual });
-    run_cycle(&mut rig, SPEED, 20_000).unwrap();
+    run_cycle(&mut rig, 1, SPEED, 20_000).unwrap();
     run_with_host(&mut rig, 30_000);
-    let (since, told) = (rig.now_us, events(&rig).len());
+    let (since, told) = (rig.now_us, periods(&rig).len());
     run_with_host(&mut rig, 100_000);
     let error = Error::Refused { axis: 0, faults: None }.number();
     assert_eq!(last_result(&rig), CycleResult::Refused { error });
-    assert_eq!(events(&rig).len() - told, 5);
+    assert_eq!(periods(&rig).len() - told, 5);
     // Those of the cycle, and the polls that ask the same.
     let reads = rig.sent_since(1, since).into_iter().filter(|text| *text == READ).count();
     assert!((5..=10).contains(&reads), "{reads}");
@@ -76,14 +58,14 @@ fn what_a_silent_motor_keeps_up_is_counted_so() {
     let (mut rig, _) = bench::thruster();
     arm(&mut rig);
     let fields = StateFields::of(&[StateField::Velocity, StateField::Current]);
-    run_cycle(&mut rig, fields, PERIOD_US).unwrap();
+    run_cycle(&mut rig, 1, fields, PERIOD_US).unwrap();
     run_with_host(&mut rig, 20_000);
     rig.instead(|text| match text.starts_with("30B#5156") {
         true => Instead::Nothing,
         false => Instead::AsUsual,
     });
     run_with_host(&mut rig, 60_000);
-    let overruns = events(&rig).last().unwrap().overruns;
+    let overruns = periods(&rig).last().unwrap().overruns;
     assert!(overruns.motor >= 5 && overruns.bus == 0, "{overruns:?}");
 }
 
@@ -94,13 +76,15 @@ fn a_short_life_is_not_waited_away() {
     parameter(&mut rig, 0, AxisParameter::RefreshUs, Value::Unsigned(40_000));
     bench::provision(&mut rig, 1_000).unwrap();
     let epoch = arm(&mut rig);
-    run_cycle(&mut rig, SPEED, 20_000).unwrap();
+    run_cycle(&mut rig, 1, SPEED, 20_000).unwrap();
     run_with_host(&mut rig, 2_000);
     let since = rig.now_us;
-    set(&mut rig, epoch, 10_000, SIGNAL);
+    let request = bench::setpoint(&rig, epoch, 10_000, SIGNAL);
+    rig.ask(request).unwrap();
     rig.run(1_000);
     assert!(rig.sent_since(0, since).contains(&"30B#544300000000000A"), "{:?}", rig.wire);
-    set(&mut rig, epoch, 100_000, SIGNAL);
+    let request = bench::setpoint(&rig, epoch, 100_000, SIGNAL);
+    rig.ask(request).unwrap();
     rig.run(15_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Active);
 }
@@ -110,17 +94,17 @@ fn a_short_life_is_not_waited_away() {
 fn a_period_takes_no_longer_than_it_is() {
     let (mut rig, _) = bench::thruster();
     arm(&mut rig);
-    run_cycle(&mut rig, SPEED, PERIOD_US).unwrap();
+    run_cycle(&mut rig, 1, SPEED, PERIOD_US).unwrap();
     run_with_host(&mut rig, 18_000);
     // Others keep the bus.
     rig.babble(Some(1));
-    let due = u64::from(events(&rig).last().unwrap().due_us.0) + u64::from(PERIOD_US);
+    let due = u64::from(periods(&rig).last().unwrap().due_us.0) + u64::from(PERIOD_US);
     rig.run(due + 500 - rig.now_us);
     rig.said.clear();
     // The gateway was busy.
     rig.now_us = due + u64::from(PERIOD_US) + 300;
     rig.handle(gateway::Event::Tick);
-    assert_eq!(events(&rig)[0].took_us, PERIOD_US);
+    assert_eq!(periods(&rig)[0].took_us, PERIOD_US);
 }
 
 /// Frames of a stream are frames and no exchanges; a D5 at level 1 answers reads only. On CAN at
@@ -128,7 +112,7 @@ fn a_period_takes_no_longer_than_it_is() {
 #[test]
 fn a_period_is_refused_for_what_is_on_the_wire_and_for_nothing_else() {
     let shortest = |rig: &mut Rig, fields| {
-        let refused = run_cycle(rig, fields, 250);
+        let refused = run_cycle(rig, 1, fields, 250);
         let Err(Error::BusOverloaded { needed_permille, .. }) = refused else {
             panic!("{refused:?}")
         };

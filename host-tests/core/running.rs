@@ -1,7 +1,7 @@
 //! The free-running cycle: periods of the gateway's own, and setpoints that end as ever (GUARANTEES
 //! G2, G3, G9; PROTOCOL.md, the free-running cycle).
 
-use crate::bench::{self, VELOCITY, arm_axis, expiry, listed, run_with_host};
+use crate::bench::{self, VELOCITY, arm_axis, expiry, listed, periods, run_cycle, run_with_host};
 use crate::rig::{Instead, Rig, Said};
 use host_protocol::{
     AxisState, CycleEvent, CycleResult, Error, FixedU32, Quantity, Reply, Request, Setpoint,
@@ -11,11 +11,6 @@ use host_protocol::{
 const FIELDS: StateFields = StateFields::of(&[StateField::Position, StateField::Velocity]);
 const PERIOD_US: u32 = 2_000;
 const MOTION: &str = "141#A200000010270000";
-
-fn run_cycle(rig: &mut Rig, axes: u32, fields: StateFields, period_us: u32) -> Result<(), Error> {
-    let request = Request::RunCycle(requests::RunCycle { axes, fields, period_us });
-    rig.ask(request).map(|reply| assert_eq!(reply, Reply::RunCycle(replies::Done {})))
-}
 
 /// RMD nodes 1 to `count`, armed in one epoch.
 fn armed(count: u8) -> (Rig, u32) {
@@ -40,14 +35,6 @@ fn set(rig: &mut Rig, epoch: u32, axes: u32, lives_us: u64) {
     rig.send(&request);
 }
 
-fn events(rig: &Rig) -> Vec<&CycleEvent> {
-    let events = rig.said.iter().filter_map(|said| match said {
-        Said::Cycle(message) => Some(&message.event),
-        _ => None,
-    });
-    events.collect()
-}
-
 fn results(event: &CycleEvent) -> Vec<CycleResult> {
     event.states().map(|state| state.result).collect()
 }
@@ -61,7 +48,7 @@ fn every_period_sends_each_setpoint_once_and_tells_every_state() {
     rig.said.clear();
     let since = rig.now_us;
     rig.run(40_000);
-    let told = events(&rig);
+    let told = periods(&rig);
     assert_eq!(told.len(), 20);
     for pair in told.windows(2) {
         assert_eq!(pair[1].period, pair[0].period + 1);
@@ -105,7 +92,7 @@ fn the_bytes_of_a_request_become_frames_in_each_period() {
         let sent = rig.sent_since(0, since);
         assert_eq!(sent.iter().filter(|text| **text == frame).count(), 5, "{frame}");
     }
-    let told = events(&rig);
+    let told = periods(&rig);
     assert_eq!((told.len(), told[0].axes, told[4].period), (5, 0b1001, 4));
 }
 
@@ -115,7 +102,7 @@ fn what_is_told_of_every_axis_and_what_of_one() {
     let fields = StateFields::of(&[StateField::Velocity, StateField::Voltage]);
     run_cycle(&mut rig, 1, fields, PERIOD_US).unwrap();
     rig.run(1_000);
-    let event = events(&rig)[0].clone();
+    let event = periods(&rig)[0].clone();
     let slow = event.slow.unwrap();
     assert_eq!(slow.voltage_v.map(|reading| reading.value), Some(48.5));
     assert_eq!((slow.axis, slow.faults), (0, None));
@@ -156,7 +143,7 @@ fn a_period_is_answered_by_the_setpoint_in_force_when_it_began() {
         rig.left.iter().filter_map(|(at, _, text)| Some((*at, of_frame(text)?))).collect();
     let mut answered = 0;
     let of_first = |event: &&CycleEvent| results(event).first() == Some(&CycleResult::Answered);
-    for event in events(&rig).into_iter().filter(of_first) {
+    for event in periods(&rig).into_iter().filter(of_first) {
         let begin = u64::from(event.due_us.0 + event.late_us);
         let Some((_, owed)) = accepted.iter().rev().find(|(at, _)| *at < begin) else { continue };
         let end = begin + u64::from(event.took_us);
@@ -174,7 +161,7 @@ fn what_was_never_read_is_older_than_the_gateway() {
     let axes = 1 << 5;
     run_cycle(&mut rig, axes, FIELDS, PERIOD_US).unwrap();
     rig.run(10_000);
-    let told = events(&rig);
+    let told = periods(&rig);
     assert!(rig.now_us < 163_000 && told.len() > 2, "{}", rig.now_us);
     for event in told {
         assert!(event.states().all(|state| state.age_us == 163_830), "{event:?}");
@@ -187,7 +174,7 @@ fn slow_fields_come_in_turns() {
     let (mut rig, _) = armed(3);
     run_cycle(&mut rig, 0b101, StateFields::from_bits(u8::MAX), PERIOD_US).unwrap();
     run_with_host(&mut rig, 150_000);
-    let told = events(&rig);
+    let told = periods(&rig);
     let axes: Vec<u8> = told.iter().filter_map(|event| Some(event.slow?.axis)).collect();
     assert_eq!(axes[..4], [0, 2, 0, 2]);
     let slow = told.last().unwrap().slow.unwrap();
@@ -212,7 +199,7 @@ fn what_is_not_armed_is_not_driven() {
     assert!(!sent.iter().any(|text| text.starts_with("142")), "{sent:?}");
     let not_armed = Error::NotArmed { axis: 1, state: AxisState::Idle }.number();
     let refused = CycleResult::Refused { error: not_armed };
-    let told = events(&rig);
+    let told = periods(&rig);
     assert_eq!(results(told.last().unwrap()), [CycleResult::Answered, refused]);
 }
 
@@ -231,7 +218,7 @@ fn a_cycle_extends_no_setpoint() {
     let Reply::ReadState(report) = report else { panic!() };
     assert_eq!(report.trip.unwrap().reason, TripReason::SetpointExpired);
     // The cycle itself goes on.
-    let told = events(&rig);
+    let told = periods(&rig);
     let tripped = CycleResult::Refused { error: 12 };
     assert_eq!(results(told.last().unwrap()), [tripped, tripped]);
     assert!(told.iter().any(|event| results(event).contains(&CycleResult::Stopped)));
@@ -246,7 +233,7 @@ fn a_setpoint_waits_for_the_next_period_and_no_longer() {
     set(&mut rig, epoch, 1, 80_000);
     rig.run(3_000);
     let at = rig.wire.iter().find(|(at, _, text)| *at >= since && text == MOTION).unwrap().0;
-    let told = events(&rig);
+    let told = periods(&rig);
     let due = u64::from(told[0].due_us.0);
     assert!(at > since && (at - due).is_multiple_of(u64::from(PERIOD_US)), "{at} {due}");
 }
@@ -259,14 +246,14 @@ fn a_setpoint_that_comes_as_a_period_begins_misses_none() {
     run_cycle(&mut rig, 0b111, FIELDS, PERIOD_US).unwrap();
     set(&mut rig, epoch, 0b111, 80_000);
     rig.run(7_000);
-    let due = u64::from(events(&rig).last().unwrap().due_us.0) + u64::from(PERIOD_US);
+    let due = u64::from(periods(&rig).last().unwrap().due_us.0) + u64::from(PERIOD_US);
     // The first frame of the period is on the bus, the others wait behind it.
     rig.run(due + 50 - rig.now_us);
     assert_eq!(rig.now_us, due + 50);
     set(&mut rig, epoch, 0b111, 80_000);
     rig.said.clear();
     rig.run(10_000);
-    for event in events(&rig) {
+    for event in periods(&rig) {
         assert_eq!(results(event), [CycleResult::Answered; 3], "{event:?}");
     }
     for node in 1..=3 {
@@ -299,7 +286,7 @@ fn a_mute_motor_costs_nobody_elses_result_and_is_counted() {
     });
     rig.said.clear();
     rig.run(20_000);
-    let told = events(&rig);
+    let told = periods(&rig);
     assert!(told.len() >= 9, "{}", told.len());
     let (first, third) = (CycleResult::Answered, CycleResult::Answered);
     for event in &told[1..] {
@@ -334,7 +321,7 @@ fn a_reply_that_is_lost_in_mid_cycle_is_one_period_late() {
     });
     rig.said.clear();
     rig.run(30_000);
-    let of_second: Vec<_> = events(&rig).iter().map(|event| results(event)[1]).collect();
+    let of_second: Vec<_> = periods(&rig).iter().map(|event| results(event)[1]).collect();
     let missed = |result: &&CycleResult| !result.is_answered();
     assert_eq!(of_second.iter().filter(missed).count(), 1, "{of_second:?}");
     // It may be the late one to the setpoint before.
@@ -370,7 +357,7 @@ fn another_epoch_moves_nothing_and_stops_no_cycle() {
     rig.run(10_000);
     assert!(!rig.wire.iter().any(|(_, _, text)| text.contains("#A2")));
     assert_eq!([0, 1].map(|axis| listed(&mut rig, axis)), [AxisState::Armed; 2]);
-    assert!(events(&rig).len() >= 4);
+    assert!(periods(&rig).len() >= 4);
 }
 
 #[test]
@@ -378,15 +365,15 @@ fn a_silent_host_is_silent_whatever_the_cycle_does() {
     let (mut rig, _) = armed(2);
     run_cycle(&mut rig, 0b11, FIELDS, PERIOD_US).unwrap();
     rig.run(240_000);
-    let running = events(&rig).len();
+    let running = periods(&rig).len();
     assert!(running > 100);
     rig.run(300_000);
     assert!(matches!(listed(&mut rig, 0), AxisState::Idle | AxisState::Holding));
     // It ended with authority.
-    let after = events(&rig).len();
+    let after = periods(&rig).len();
     assert!(after - running <= 6, "{running} {after}");
     rig.run(50_000);
-    assert_eq!(events(&rig).len(), after);
+    assert_eq!(periods(&rig).len(), after);
 }
 
 #[test]
@@ -402,7 +389,7 @@ fn one_host_runs_a_cycle_and_another_none() {
     rig.ask(Request::ReleaseAuthority(requests::ReleaseAuthority {})).unwrap();
     rig.said.clear();
     rig.run(20_000);
-    assert!(events(&rig).is_empty());
+    assert!(periods(&rig).is_empty());
 }
 
 #[test]
@@ -435,7 +422,7 @@ fn a_period_that_the_motor_does_not_keep_is_counted_as_overruns() {
     run_cycle(&mut rig, 1, FIELDS, 250).unwrap();
     set(&mut rig, epoch, 1, 80_000);
     rig.run(30_000);
-    let overruns = events(&rig).last().unwrap().overruns;
+    let overruns = periods(&rig).last().unwrap().overruns;
     assert!(overruns.motor > 50 && overruns.gateway == 0, "{overruns:?}");
     let gap = rig.longest_gap_us(0, rig.now_us - 20_000, "141#A2");
     assert!(gap <= 750, "{gap}");
@@ -447,13 +434,13 @@ fn periods_that_nobody_began_are_counted_and_passed_over() {
     let (mut rig, _) = armed(1);
     run_cycle(&mut rig, 1, FIELDS, PERIOD_US).unwrap();
     rig.run(1_000);
-    let begun = u64::from(events(&rig)[0].due_us.0);
+    let begun = u64::from(periods(&rig)[0].due_us.0);
     rig.said.clear();
     // The gateway was busy for three periods and a half.
     rig.now_us = begun + 7_000;
     rig.handle(gateway::Event::Tick);
     rig.run(900);
-    let told = events(&rig);
+    let told = periods(&rig);
     let last = told.last().unwrap();
     assert_eq!((last.period, last.late_us, last.jitter_us), (3, 1_000, 1_000));
     assert_eq!(last.overruns.gateway, 2);

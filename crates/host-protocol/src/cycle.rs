@@ -240,6 +240,21 @@ const fn most(field: StateField) -> Option<i32> {
 }
 
 impl CycleState {
+    /// An axis that moves, and of which nothing is known.
+    const UNKNOWN: Self = Self {
+        axis: 0,
+        state: AxisState::Active,
+        result: CycleResult::Answered,
+        age_us: 0,
+        position_rad: None,
+        velocity_rad_s: None,
+        current_a: None,
+        voltage_v: None,
+        motor_temperature_c: None,
+        driver_temperature_c: None,
+        faults: None,
+    };
+
     fn number(&mut self, field: StateField) -> &mut Option<f32> {
         match field {
             StateField::Velocity => &mut self.velocity_rad_s,
@@ -267,13 +282,7 @@ impl CycleState {
             state: state_of(head & 0x0F)?,
             result,
             age_us: u32::from(take::<u16>(from)?).saturating_mul(AGE_UNIT_US),
-            position_rad: None,
-            velocity_rad_s: None,
-            current_a: None,
-            voltage_v: None,
-            motor_temperature_c: None,
-            driver_temperature_c: None,
-            faults: None,
+            ..Self::UNKNOWN
         };
         for field in fields.iter() {
             match (field, most(field)) {
@@ -363,19 +372,8 @@ pub fn cycle_frame_bytes(axes: u32, fields: StateFields) -> (usize, usize) {
 /// is told by the longest number.
 pub(crate) fn longest_states(axes: u32) -> impl Iterator<Item = CycleState> {
     let wanted = (0..32_u8).filter(move |axis| axes >> *axis & 1 != 0).take(MAX_CYCLE_AXES);
-    wanted.map(|axis| CycleState {
-        axis,
-        state: AxisState::Active,
-        result: CycleResult::Answered,
-        age_us: u32::MAX,
-        position_rad: None,
-        velocity_rad_s: None,
-        current_a: None,
-        voltage_v: None,
-        motor_temperature_c: None,
-        driver_temperature_c: None,
-        faults: Some(u16::MAX),
-    })
+    let faults = Some(u16::MAX);
+    wanted.map(move |axis| CycleState { axis, age_us: u32::MAX, faults, ..CycleState::UNKNOWN })
 }
 
 #[cfg(test)]

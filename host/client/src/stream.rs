@@ -230,7 +230,7 @@ impl Stream {
                 && let Ok(pong) = arrived.answer.read::<ask::Ping>()
             {
                 let before = self.narrowest_us.or(clock.width_us(now)).unwrap_or(0);
-                let _ = clock.measure(sent, now, pong.time_us);
+                clock.measure(sent, now, pong.time_us);
                 let after = clock.width_us(now).unwrap_or(0).min(before);
                 self.narrowest_us = Some(after);
                 let narrowed = Duration::from_micros(before - after);

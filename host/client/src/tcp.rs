@@ -11,7 +11,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long the peer may refuse to take bytes before the connection counts as gone.
 pub(crate) const SEND_TIMEOUT: Duration = Duration::from_secs(1);
 /// Shortest read timeout that the operating system is asked for; it takes zero for "for ever".
-pub(crate) const SHORTEST_WAIT: Duration = Duration::from_micros(100);
+const SHORTEST_WAIT: Duration = Duration::from_micros(100);
 
 /// A TCP connection in wall-clock time.
 #[derive(Debug)]
@@ -75,17 +75,8 @@ impl Transport for TcpTransport {
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let stream = self.stream()?;
-        let read = if timeout.is_zero() {
-            // The shortest wait of the operating system is a tick of its clock: some milliseconds.
-            stream.set_nonblocking(true)?;
-            let read = stream.read(buffer);
-            stream.set_nonblocking(false)?;
-            read
-        } else {
-            stream.set_read_timeout(Some(timeout.max(SHORTEST_WAIT)))?;
-            stream.read(buffer)
-        };
-        match read {
+        let (nonblocking, waits) = (TcpStream::set_nonblocking, TcpStream::set_read_timeout);
+        match read_within(stream, buffer, timeout, nonblocking, waits) {
             Ok(0) if !buffer.is_empty() => {
                 let closed = "the other side closed the connection";
                 Err(self.lost(io::Error::new(io::ErrorKind::UnexpectedEof, closed)))
@@ -133,6 +124,25 @@ pub(crate) fn open(address: &str, token: Option<&str>) -> io::Result<TcpStream> 
         }
     }
     Err(last)
+}
+
+/// Reads what arrives on a socket within `timeout`; without time, what is there.
+pub(crate) fn read_within<S: Read>(
+    socket: &mut S,
+    buffer: &mut [u8],
+    timeout: Duration,
+    set_nonblocking: impl Fn(&S, bool) -> io::Result<()>,
+    set_read_timeout: impl Fn(&S, Option<Duration>) -> io::Result<()>,
+) -> io::Result<usize> {
+    if !timeout.is_zero() {
+        set_read_timeout(socket, Some(timeout.max(SHORTEST_WAIT)))?;
+        return socket.read(buffer);
+    }
+    // The shortest wait of the operating system is a tick of its clock: some milliseconds.
+    set_nonblocking(socket, true)?;
+    let read = socket.read(buffer);
+    set_nonblocking(socket, false)?;
+    read
 }
 
 /// Whether a read failed only because its time ran out (the two kinds are two systems' names for

@@ -1,11 +1,11 @@
 //! A server on this computer, behind its Unix socket.
 
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use crate::tcp::{SEND_TIMEOUT, SHORTEST_WAIT, nothing_came};
+use crate::tcp::{SEND_TIMEOUT, nothing_came, read_within};
 use crate::transport::Transport;
 
 /// A connection to a server in wall-clock time.
@@ -39,17 +39,8 @@ impl Transport for UnixTransport {
 
     fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
         let stream = self.stream()?;
-        let read = if timeout.is_zero() {
-            // As on TCP.
-            stream.set_nonblocking(true)?;
-            let read = stream.read(buffer);
-            stream.set_nonblocking(false)?;
-            read
-        } else {
-            stream.set_read_timeout(Some(timeout.max(SHORTEST_WAIT)))?;
-            stream.read(buffer)
-        };
-        match read {
+        let (nonblocking, waits) = (UnixStream::set_nonblocking, UnixStream::set_read_timeout);
+        match read_within(stream, buffer, timeout, nonblocking, waits) {
             Ok(0) if !buffer.is_empty() => {
                 let closed = "the server closed the connection: it has lost the gateway, or ended";
                 Err(io::Error::new(io::ErrorKind::UnexpectedEof, closed))

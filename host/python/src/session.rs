@@ -186,11 +186,7 @@ impl Session {
         } else if is_ended {
             inner.resume()?;
         }
-        match self.asked.swap(ASKED_NOTHING, Ordering::AcqRel) {
-            ASKED_NOTHING => Ok(()),
-            ASKED_E_STOP => inner.resume().and_then(|()| inner.estop()),
-            _ => inner.resume().and_then(|()| inner.stop(StopTarget::All)),
-        }
+        stop_all(inner, self.asked.swap(ASKED_NOTHING, Ordering::AcqRel))
     }
 
     /// The client, when no other call uses it; one that may last is ended if it `is_urgent`.
@@ -219,12 +215,7 @@ impl Session {
 
     /// A stop of everything: it waits for no other call, but ends the one under way, unless that
     /// only listens.
-    fn stop_now(
-        &self,
-        py: Python<'_>,
-        asked: u8,
-        stop: impl FnOnce(&mut Inner) -> Result<(), ClientError> + Send,
-    ) -> PyResult<()> {
+    fn stop_now(&self, py: Python<'_>, asked: u8) -> PyResult<()> {
         self.check_process()?;
         if self.owner.load(Ordering::Acquire) == this_thread() {
             // In a signal handler: the call under way stops what is armed when this returns, and
@@ -233,10 +224,7 @@ impl Session {
             self.signals.interrupt.raise();
             return Ok(());
         }
-        self.run_when(py, true, |client| {
-            client.resume()?;
-            Ok(stop(client)?)
-        })
+        self.run_when(py, true, |client| Ok(stop_all(client, asked)?))
     }
 
     fn check_process(&self) -> PyResult<()> {
@@ -257,6 +245,15 @@ impl Session {
         let value = self.run(py, |client| act(client, &motors))?;
         to_python(py, &value)
     }
+}
+
+/// Stops everything, as it was asked for, behind what the session has armed itself.
+fn stop_all(client: &mut Inner, asked: u8) -> Result<(), ClientError> {
+    if asked == ASKED_NOTHING {
+        return Ok(());
+    }
+    client.resume()?;
+    if asked == ASKED_E_STOP { client.estop() } else { client.stop(StopTarget::All) }
 }
 
 #[pymethods]
@@ -443,12 +440,12 @@ impl Session {
 
     /// Stops every axis; it ends the call that another thread has under way.
     fn stop_all(&self, py: Python<'_>) -> PyResult<()> {
-        self.stop_now(py, ASKED_STOP, |client| client.stop(StopTarget::All))
+        self.stop_now(py, ASKED_STOP)
     }
 
     /// The emergency stop, likewise.
     fn estop(&self, py: Python<'_>) -> PyResult<()> {
-        self.stop_now(py, ASKED_E_STOP, Client::estop)
+        self.stop_now(py, ASKED_E_STOP)
     }
 
     /// Makes a configuration, the text of a file, that of the gateway: how many changes, and how

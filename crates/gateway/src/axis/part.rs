@@ -33,7 +33,7 @@ pub(super) struct Part {
     /// What has still to be read, a bit for each of [`READS`].
     reads: u8,
     /// What is told in turns is wanted, too: polls ask for it.
-    tells_slow: bool,
+    pub tells_slow: bool,
     result: CycleResult,
     /// That of the period before.
     before: CycleResult,
@@ -114,18 +114,12 @@ impl Axis {
         fields: StateFields,
         is_told: bool,
     ) -> impl Iterator<Item = Exchange> {
-        let info = Info::of_axis(&self.config);
-        let wanted = move |(exchange, field): (Exchange, StateField)| match info?.angle {
-            // One reply tells all of them.
-            Some(_) => (exchange == Exchange::Velocity && !is_told).then_some(exchange),
-            None => (fields.contains(field) && self.can(exchange)).then_some(exchange),
+        let one_tells_all = Info::of_axis(&self.config).is_some_and(|info| info.angle.is_some());
+        let wanted = move |(exchange, field): &(Exchange, StateField)| match one_tells_all {
+            true => *exchange == Exchange::Velocity && !is_told,
+            false => fields.contains(*field) && self.can(*exchange),
         };
-        READS.into_iter().filter_map(wanted)
-    }
-
-    /// Whether a cycle tells in turns what polls read.
-    pub(super) fn part_tells_slow(&self) -> bool {
-        self.part.tells_slow
+        READS.into_iter().filter(wanted).map(|(exchange, _)| exchange)
     }
 
     /// What is to be read next in the period, and since when.

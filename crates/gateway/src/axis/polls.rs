@@ -286,7 +286,7 @@ impl Axis {
     fn is_asked_for(&self, exchange: Exchange) -> bool {
         let limited = |parameter| self.config.float(parameter).is_some();
         self.watched
-            || self.part_tells_slow()
+            || self.part.tells_slow
             || match exchange {
                 Exchange::Current => limited(AxisParameter::CurrentLimitA),
                 Exchange::MotorTemperature | Exchange::DriverTemperature => {

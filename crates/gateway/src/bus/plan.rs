@@ -143,14 +143,27 @@ impl Step {
     }
 }
 
-/// One axis's part of a cycle on the bus: a setpoint, behind so many other requests, the first of
-/// several being the setpoint before, and then so many reads and polls.
+/// One axis's part of a cycle on the bus: a setpoint, and what a running cycle reads beside it.
 #[derive(Debug, Clone, Copy)]
 struct Part {
-    before: u64,
     motion: Step,
-    behind: u64,
     poll: Step,
+    reads: u64,
+}
+
+/// What each axis is asked beside its setpoint.
+#[derive(Debug, Clone, Copy)]
+struct Beside {
+    /// Requests that go before it; the first of several is the setpoint before.
+    before: u64,
+    /// Whether a running cycle reads.
+    reads: bool,
+    /// Polls behind it.
+    behind: u64,
+}
+
+impl Beside {
+    const NOTHING: Self = Self { before: 0, reads: false, behind: 0 };
 }
 
 impl Bus {
@@ -201,7 +214,7 @@ impl Bus {
             streams_permille += streamed_permille(axis, frame);
             let motion = step(request_bits, replies);
             let _ = refreshes.push((axis.refresh(), share(motion.alone(), axis.refresh())));
-            let _ = parts.push(Part { before: 0, motion, behind: 0, poll });
+            let _ = parts.push(Part { motion, poll, reads });
             let _ = plans.push(AxisPlan {
                 axis: axis.index,
                 request_bits,
@@ -219,23 +232,18 @@ impl Bus {
             || parts.iter().any(|part| part.motion.quiet > Duration::ZERO);
         let most = if bounds.outranking_replies > 0 { MAX_OUTSTANDING } else { MAX_AXES };
         let outstanding = if in_turn { 1 } else { most };
-        let polled = |before, reads: bool, behind| {
-            let mut parts = parts.clone();
-            for (part, plan) in parts.iter_mut().zip(&plans) {
-                (part.before, part.behind) = (before, behind + if reads { plan.reads } else { 0 });
-            }
-            schedule(&parts, outstanding, assumed.software, |_, _| {})
-        };
+        let lasts = |beside| schedule(&parts, beside, outstanding, assumed.software, |_, _| {});
         // The setpoint before is on its way, and a poll is due.
-        let longest = polled(2, false, 0);
-        let period = polled(0, true, 0);
+        let longest = lasts(Beside { before: 2, ..Beside::NOTHING });
+        let period = lasts(Beside { reads: true, ..Beside::NOTHING });
         // The fault word and the state may be due at once.
-        let steady = polled(1, true, 1);
-        let cycle = schedule(&parts, outstanding, assumed.software, |place, at| {
-            if let Some(plan) = plans.get_mut(place) {
-                plan.answered = at;
-            }
-        });
+        let steady = lasts(Beside { before: 1, reads: true, behind: 1 });
+        let cycle =
+            schedule(&parts, Beside::NOTHING, outstanding, assumed.software, |place, at| {
+                if let Some(plan) = plans.get_mut(place) {
+                    plan.answered = at;
+                }
+            });
         let taken = polls_permille + longest_wait_permille + streams_permille + foreign_permille;
         let with_taken = |time: Duration, taken: u64| {
             let left = NonZeroU64::new(1_000_u64.saturating_sub(taken))?;
@@ -255,16 +263,14 @@ impl Bus {
         };
         let at_once = self.frame_time(bounds.streamed_at_once);
         // On a line nobody else talks meanwhile.
-        let frames = |part: &Part, plan: &AxisPlan| match self.kind() {
-            BusKind::Can => part.motion.frames() + part.poll.frames().times(2 + plan.reads),
+        let frames = |part: &Part| match self.kind() {
+            BusKind::Can => part.motion.frames() + part.poll.frames().times(2 + part.reads),
             BusKind::Rs485 => Duration::ZERO,
         };
-        let all = parts.iter().zip(&plans).map(|(part, plan)| frames(part, plan));
-        let all = all.fold(at_once, |sum, frames| sum + frames);
+        let all = parts.iter().map(frames).fold(at_once, |sum, frames| sum + frames);
         for (part, plan) in parts.iter().zip(&mut plans) {
-            let others = all - frames(part, plan);
             plan.reply_within =
-                part.poll.delay + others + part.motion.replies.max(part.poll.replies);
+                part.poll.delay + all - frames(part) + part.motion.replies.max(part.poll.replies);
         }
         Some(BusPlan {
             wire: parts.iter().fold(Duration::ZERO, |sum, Part { motion, .. }| {
@@ -327,7 +333,10 @@ impl Bus {
 struct Turn<'a> {
     place: usize,
     part: &'a Part,
-    /// How many requests have left.
+    /// How many requests go before its setpoint, and how many there are.
+    before: u64,
+    requests: u64,
+    /// How many have left.
     asked: u64,
     /// When the next may leave.
     from: Duration,
@@ -337,14 +346,13 @@ struct Turn<'a> {
 
 impl Turn<'_> {
     fn may_ask(&self) -> bool {
-        let Part { before, behind, .. } = self.part;
-        self.ready.is_none() && self.asked < before + 1 + behind
+        self.ready.is_none() && self.asked < self.requests
     }
 
     /// The request with the number, from 0.
     fn step(&self, number: u64) -> Step {
-        let Part { before, motion, poll, .. } = *self.part;
-        if number == before || number + 1 < before { motion } else { poll }
+        let is_motion = number == self.before || number + 1 < self.before;
+        if is_motion { self.part.motion } else { self.part.poll }
     }
 }
 
@@ -354,6 +362,7 @@ impl Turn<'_> {
 /// by the place of its axis; returns when all are.
 fn schedule(
     parts: &[Part],
+    Beside { before, reads, behind }: Beside,
     outstanding: usize,
     software: Duration,
     mut answered: impl FnMut(usize, Duration),
@@ -361,6 +370,8 @@ fn schedule(
     let turns = parts.iter().enumerate().map(|(place, part)| Turn {
         place,
         part,
+        before,
+        requests: before + 1 + if reads { part.reads } else { 0 } + behind,
         asked: 0,
         from: Duration::ZERO,
         ready: None,

@@ -45,7 +45,7 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
     for CycleTarget { axis, setpoint } in &targets {
         limits::check_setpoint(session, *axis, *setpoint)?;
     }
-    // Longer than there are seconds is longer than any gateway takes.
+    // What is too long for a `Duration` is too long for the gateway, which names the limits.
     let period = Duration::try_from_secs_f64(1.0 / arguments.rate).unwrap_or(Duration::MAX);
     let mut periods = Periods::new(session);
     let stopped = while_armed(session, &axes, |session, armed| {
