@@ -74,8 +74,14 @@ impl Duration {
     }
 
     /// The `n`-th part of the span, rounded down.
+    #[allow(clippy::cast_possible_truncation)]
     pub const fn part(self, n: NonZeroU64) -> Self {
-        Self(self.0 / n.get())
+        // The processor divides 32 bits by itself.
+        if self.0 <= u32::MAX as u64 && n.get() <= u32::MAX as u64 {
+            Self((self.0 as u32 / n.get() as u32) as u64)
+        } else {
+            Self(self.0 / n.get())
+        }
     }
 
     /// One and a half times the span.
