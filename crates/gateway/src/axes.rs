@@ -53,8 +53,8 @@ impl Kept {
         else {
             return (Set::NONE, false);
         };
-        let before = core::mem::replace(look, new_look);
-        let mut changed = before.flags ^ look.flags;
+        let mut changed = look.flags ^ new_look.flags;
+        *look = new_look;
         while changed != 0 {
             if let Some(set) = self.which.get_mut(changed.trailing_zeros() as usize) {
                 set.toggle(one);
@@ -216,11 +216,6 @@ impl Axes {
         set.into_iter()
             .filter_map(move |index| Some((index, time(self.kept.looks.get(index)?))))
             .filter(|(_, at)| *at < Instant::NEVER)
-    }
-
-    /// When the first of these setpoints is late, but for the time that their bus may take.
-    pub fn first_delivery_due(&self, set: Set) -> Option<Instant> {
-        self.times(set, |look| look.delivery_due).map(|(_, at)| at).min()
     }
 
     /// When the first axis must be looked at again; [`Instant::NEVER`] where time alone changes

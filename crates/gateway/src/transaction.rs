@@ -28,8 +28,8 @@ pub(crate) struct Transaction {
     pub once: bool,
     /// Which motion of the axis it is, if it is one.
     pub motion: u32,
-    /// Since when that motion has waited for the bus.
-    waiting_since: Instant,
+    /// By when that motion must leave.
+    deliver_by: Instant,
     /// The bus had taken it when the job under way began.
     pub predates_job: bool,
 }
@@ -106,9 +106,9 @@ impl Transaction {
         stops && self.exchange == Exchange::Stop
     }
 
-    /// Since when the motion in it has waited, if it is one that has not left.
-    pub fn undelivered_since(&self) -> Option<Instant> {
-        (self.exchange == Exchange::Motion && self.is_with_port()).then_some(self.waiting_since)
+    /// By when the motion in it must leave, if it is one that has not left.
+    pub fn deliver_by(&self) -> Option<Instant> {
+        (self.exchange == Exchange::Motion && self.is_with_port()).then_some(self.deliver_by)
     }
 }
 
@@ -130,8 +130,8 @@ pub(crate) struct MotionMark {
     /// Which motion of the axis it is.
     pub number: u32,
     pub once: bool,
-    /// Since when it has waited for the bus.
-    pub since: Instant,
+    /// By when it must leave.
+    pub deliver_by: Instant,
 }
 
 /// The requests of one axis.
@@ -242,7 +242,7 @@ impl Transactions {
         mark: Option<MotionMark>,
         config: &AxisConfig,
     ) {
-        let mark = mark.unwrap_or(MotionMark { number: 0, once: false, since: now });
+        let mark = mark.unwrap_or(MotionMark { number: 0, once: false, deliver_by: now });
         self.current = Some(Transaction {
             exchange,
             command,
@@ -251,7 +251,7 @@ impl Transactions {
             unambiguous: !self.may_answer_an_older(now, &command, config),
             once: mark.once,
             motion: mark.number,
-            waiting_since: mark.since,
+            deliver_by: mark.deliver_by,
             predates_job: false,
         });
     }

@@ -29,6 +29,8 @@ pub(crate) enum Is {
     InPeriod,
     /// It moves by a setpoint.
     Active,
+    /// Its setpoint is late, but for the time that its bus may take.
+    Late,
     /// Arming, armed, active, stopping or tripped.
     Moving,
     Tripped,
@@ -55,9 +57,6 @@ pub(crate) struct Look {
     pub flags: u32,
     /// When the axis must be looked at again; [`Instant::NEVER`] where time alone changes nothing.
     pub due: Instant,
-    /// When its setpoint is late, but for the time that its bus may take; [`Instant::NEVER`] where
-    /// none is owed.
-    pub delivery_due: Instant,
     /// When its next command that stops is due; [`Instant::NEVER`] where none is.
     pub stop_due: Instant,
     /// Since when a command of its stop has not left; [`Instant::NEVER`] where none is owed.
@@ -69,7 +68,6 @@ impl Look {
     pub const NONE: Self = Self {
         flags: 0,
         due: Instant::NEVER,
-        delivery_due: Instant::NEVER,
         stop_due: Instant::NEVER,
         stop_unsent_since: Instant::NEVER,
     };
@@ -93,6 +91,10 @@ impl Look {
         for at in [former, current, over, axis.job_stalls_at()] {
             look.ends(at, now, after);
         }
+        if let Some(at) = axis.delivery_due_at() {
+            look.note(Is::Late, at <= now);
+            look.is_due(at, after);
+        }
         if transactions.is_idle() {
             let at = axis.next_request_at(now).unwrap_or(Instant::NEVER);
             look.note(Is::Ready, at <= now);
@@ -105,9 +107,10 @@ impl Look {
                 look.is_due(at, after);
             }
         }
-        look.delivery_due = axis.delivery_due_at().unwrap_or(Instant::NEVER);
-        look.stop_due = axis.stop_due_at().unwrap_or(Instant::NEVER);
-        look.stop_unsent_since = axis.unsent_stop_since().unwrap_or(Instant::NEVER);
+        if axis.stop().is_some() {
+            look.stop_due = axis.stop_due_at().unwrap_or(Instant::NEVER);
+            look.stop_unsent_since = axis.unsent_stop_since().unwrap_or(Instant::NEVER);
+        }
         look
     }
 

@@ -58,7 +58,7 @@ impl Axis {
             State::Active(armed, motion) if exchange == Exchange::Motion => Some(MotionMark {
                 number: motion.number,
                 once: motion.once,
-                since: armed.undelivered_since,
+                deliver_by: armed.deliver_by,
             }),
             _ => None,
         };
@@ -360,19 +360,19 @@ impl Axis {
 
     /// The bus has not sent what it had taken.
     fn not_delivered(&mut self, request: &Transaction) {
-        if let (Some(since), Some(armed)) = (request.undelivered_since(), self.armed_mut()) {
-            armed.undelivered_since = armed.undelivered_since.min(since);
+        if let (Some(by), Some(armed)) = (request.deliver_by(), self.armed_mut()) {
+            armed.deliver_by = armed.deliver_by.min(by);
         }
     }
 
-    /// From when on the setpoint in force is late, but for the time that its bus may take: its
+    /// When the setpoint in force is late, but for the time that its bus may take: its
     /// refresh time after it was accepted, or after its refresh was due. What a host has been told
     /// to be accepted is on the wire in time, or the axis trips (GUARANTEES G2): this looks at what
     /// has left, never at who should have sent it.
     pub fn delivery_due_at(&self) -> Option<Instant> {
         let State::Active(armed, _) = &self.state else { return None };
-        let taken = self.transactions.current().and_then(Transaction::undelivered_since);
-        let since = taken.map_or(armed.undelivered_since, |t| t.min(armed.undelivered_since));
-        (since < Instant::NEVER).then(|| since + self.refresh())
+        let taken = self.transactions.current().and_then(Transaction::deliver_by);
+        let deliver_by = taken.map_or(armed.deliver_by, |by| by.min(armed.deliver_by));
+        (deliver_by < Instant::NEVER).then_some(deliver_by)
     }
 }

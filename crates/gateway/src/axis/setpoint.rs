@@ -188,17 +188,18 @@ impl Axis {
             self.armed().is_some_and(|armed| armed.echo.is_doubtful) && self.is_in_force(&command);
         self.end_cycle(CycleResult::Superseded);
         let due = self.motion_due(now, expires);
+        let deliver_by = now + self.refresh();
         let Some(armed) = self.armed_mut() else { return };
         armed.echo.is_doubtful = stays_doubtful;
         armed.motions = armed.motions.wrapping_add(1);
         let motion = Motion { command, number: armed.motions, expires, due: Some(due), once };
         match &mut self.state {
             State::Active(armed, before) => {
-                armed.undelivered_since = armed.undelivered_since.min(now);
+                armed.deliver_by = armed.deliver_by.min(deliver_by);
                 *before = motion;
             }
             State::Armed(armed) => {
-                let armed = Armed { undelivered_since: now, ..*armed };
+                let armed = Armed { deliver_by, ..*armed };
                 self.enter(State::Active(armed, motion), out);
             }
             _ => {}
@@ -258,7 +259,7 @@ impl Axis {
             let refresh = self.refresh();
             if let State::Active(armed, motion) = &mut self.state {
                 motion.due = (!motion.once).then_some(now + refresh);
-                armed.undelivered_since = motion.due.unwrap_or(Instant::NEVER);
+                armed.deliver_by = motion.due.map_or(Instant::NEVER, |due| due + refresh);
                 armed.motion_was_last = true;
             }
             return;

@@ -47,9 +47,9 @@ pub(super) struct Armed {
     pub motion_silence: Silence,
     /// Since when it has been seen to turn without a setpoint.
     pub uncommanded_since: Option<Instant>,
-    /// Since when the first setpoint, or the first refresh of one, waits that the bus has not
-    /// taken; [`Instant::NEVER`] where none does.
-    pub undelivered_since: Instant,
+    /// By when the first setpoint, or the first refresh of one, must leave that the bus has not
+    /// taken, but for the time that its bus may take; [`Instant::NEVER`] where none waits.
+    pub deliver_by: Instant,
 }
 
 /// Whether the motor carries out the last motion, as far as its replies tell.
@@ -284,7 +284,7 @@ impl Axis {
             echo: EchoCheck::default(),
             motion_silence: Silence::NONE,
             uncommanded_since: None,
-            undelivered_since: Instant::NEVER,
+            deliver_by: Instant::NEVER,
         };
         self.state_poll_at = now + self.turn();
         self.enter(State::Armed(armed), out);

@@ -167,7 +167,7 @@ impl Bus {
     /// Trips the axes whose setpoint has not been sent in time, whatever kept it (GUARANTEES G2).
     pub fn expire_deliveries(&self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         let within = self.delivered_within();
-        axes.each(self.which(Is::Active, axes), |axis| {
+        axes.each(self.which(Is::Late, axes), |axis| {
             if axis.delivery_due_at().is_some_and(|due| due + within <= now) {
                 axis.trip(now, TripReason::NotDelivered, out);
             }

@@ -212,9 +212,7 @@ impl Bus {
         }
         let is_restarted = self.recover(now, axes, out);
         let is_overdue = self.expire_in_flight(now, axes, out);
-        if axes.first_delivery_due(self.which(Is::Active, axes)).is_some_and(|due| due <= now) {
-            self.expire_deliveries(now, axes, out);
-        }
+        self.expire_deliveries(now, axes, out);
         if stops {
             self.report_delayed_stops(now, axes, out);
         }

@@ -188,8 +188,9 @@ impl Bus {
             next.consider(Some(in_flight.deadline).filter(|_| !in_flight.overdue));
             next.consider(in_flight.cancel_by.or(in_flight.collided_at));
         }
-        let delivery = axes.first_delivery_due(self.which(Is::Active, axes));
-        next.consider(delivery.map(|due| due + self.delivered_within()));
+        for axis in axes.of(self.which(Is::Late, axes)) {
+            next.consider(axis.delivery_due_at().map(|due| due + self.delivered_within()));
+        }
         let stops = !self.which(Is::Stopping, axes).is_empty();
         if stops {
             next.consider(self.stop_is_delayed_at(axes));
