@@ -45,6 +45,8 @@ const FIRST_STOPS: Duration = Duration::from_millis(100);
 const FIRST_STOPS_POLL: Duration = Duration::from_millis(1);
 /// How long the host links then wait for what is stored, where a reset has left what runs.
 const LOADED: Duration = Duration::from_millis(100);
+/// Events of CAN controllers that are followed before a demand comes between.
+const CAN_EVENTS_AT_ONCE: usize = 4;
 /// How often the watchdog is fed while a start reads what is stored, before there is a task.
 const FEED: Duration = Duration::from_millis(10);
 
@@ -292,13 +294,20 @@ impl SharedGateway {
         }
     }
 
-    /// Tells the core what a CAN controller has done, one event of one bus. Returns false where
-    /// none has done anything.
+    /// Tells the core what the CAN controllers have done, a few events. Returns whether there may
+    /// be more.
     #[inline(never)]
     pub fn follow_can(&self) -> bool {
-        self.with(|parts, now| {
-            let Some(event) = parts.next_can_event() else { return false };
-            self.follow(parts, now, &event);
+        self.with(|parts, _| {
+            for followed in 0..CAN_EVENTS_AT_ONCE {
+                let Some(event) = parts.next_can_event() else {
+                    if followed > 0 {
+                        self.mind_deadline(parts);
+                    }
+                    return false;
+                };
+                self.follow(parts, Self::now(), &event);
+            }
             self.mind_deadline(parts);
             true
         })

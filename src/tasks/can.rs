@@ -5,9 +5,6 @@ use crate::shared_gateway::SharedGateway;
 use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
-/// Events that are followed before a demand comes between.
-const AT_ONCE: usize = 4;
-
 /// For ever: some events at a time. A full queue must not keep the other tasks waiting.
 #[embassy_executor::task]
 pub async fn can(gateway: &'static SharedGateway) -> ! {
@@ -15,7 +12,7 @@ pub async fn can(gateway: &'static SharedGateway) -> ! {
     let budget = TaskBudget::new(Urgency::Can).await;
     loop {
         budget.wait(watch.wait(fdcan::waiting())).await;
-        if (0..AT_ONCE).all(|_| gateway.follow_can()) {
+        if gateway.follow_can() {
             fdcan::look();
         }
     }

@@ -169,6 +169,9 @@ impl Gateway {
     /// [next deadline](Self::next_deadline).
     pub fn handle(&mut self, now: Instant, event: Event<'_>, store: Store<'_>) -> Changes {
         let now = self.later(now);
+        if self.unstopped.is_empty() && !self.touched_buses.is_empty() {
+            self.settle_buses();
+        }
         self.now = now;
         self.remember_trips();
         self.go_on_stops(&event);

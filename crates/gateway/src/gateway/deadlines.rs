@@ -20,16 +20,10 @@ impl Gateway {
         if let Some(since) = self.unstopped.since() {
             return Some(since);
         }
-        for bus in self.touched_buses.take() {
-            if let Some(bus) = self.buses.get_mut(bus) {
-                bus.settle(self.now, &self.axes);
-            }
-        }
+        self.settle_buses();
         if cfg!(debug_assertions) {
             self.buses.iter().for_each(|bus| bus.assert_due(self.now, &self.axes));
         }
-        self.first_bus_due =
-            self.buses.iter().fold(Instant::NEVER, |first, bus| first.min(bus.due()));
         let mut next = self.axes.first_due().min(self.links.due()).min(self.first_bus_due);
         let together = self.together.as_ref().and_then(Together::deadline);
         let running = self.running.as_ref().map(Running::deadline);
@@ -41,6 +35,22 @@ impl Gateway {
         consider(restart);
         consider(self.flight_reading.as_ref().map(FlightReading::deadline));
         (next < Instant::NEVER).then_some(next)
+    }
+
+    /// Works out anew when the buses are due that may have changed since, as of the latest event.
+    pub(super) fn settle_buses(&mut self) {
+        self.settle(self.now);
+        for index in self.touched_buses.take() {
+            if let Some(bus) = self.buses.get_mut(index) {
+                bus.settle(self.now, &self.axes);
+                // What is still to come makes it due.
+                if !bus.may_expire(self.now) {
+                    self.unwatched_buses.put(Set::of(index), false);
+                }
+            }
+        }
+        self.first_bus_due =
+            self.buses.iter().fold(Instant::NEVER, |first, bus| first.min(bus.due()));
     }
 
     /// Everything that time alone brings about.
@@ -73,8 +83,8 @@ impl Gateway {
         let mut due = self.touched_buses;
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        let in_order = buses.iter_mut().enumerate().filter(|(index, _)| looked_at.has(*index));
-        for (index, bus) in in_order {
+        for index in looked_at {
+            let Some(bus) = buses.get_mut(index) else { break };
             let is_due = due.has(index) || bus.due() <= now;
             let may_act = is_due || unwatched.has(index) && bus.may_expire(now);
             let has_acted = may_act && bus.expire(now, axes, &mut out);
