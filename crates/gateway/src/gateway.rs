@@ -185,7 +185,7 @@ impl Gateway {
             }
             Event::HostLineError { link } => {
                 if let Some(port) = self.links.get_mut(link) {
-                    port.line_error(now.as_micros());
+                    port.baud.unreadable(now.as_micros());
                 }
                 self.links.touch(link);
             }
@@ -236,7 +236,7 @@ impl Gateway {
         self.close_barred_raw(now);
         self.settle(now);
         self.watch_enable_output(now);
-        self.links.log_holder(self.authority.holder());
+        self.links.log_holder(self.authority.holder);
         self.save_states(store);
         self.settle(now);
         self.check_kept(now);
@@ -415,7 +415,7 @@ impl Gateway {
     /// The rate of a host link that is a UART: it has changed when a reply to `SetBaud` has been
     /// taken, and when [`Changes`] names the link because nothing valid was heard.
     pub fn baud(&self, link: u8) -> u32 {
-        self.links.get(usize::from(link)).map_or(DEFAULT_BAUD, Link::baud)
+        self.links.get(usize::from(link)).map_or(DEFAULT_BAUD, |link| link.baud.now)
     }
 
     /// How the bus must be running; `None` while it is not configured.
@@ -438,11 +438,11 @@ impl Gateway {
         let mut changed = Set::NONE;
         for axis in axes.iter() {
             let watched = links.iter().any(|link| link.watches(axis.index));
-            if axis.is_watched() != watched {
+            if axis.watched != watched {
                 changed.add(Set::of(axis.index));
             }
         }
-        axes.each(changed, |axis| axis.watch(!axis.is_watched()));
+        axes.each(changed, |axis| axis.watched = !axis.watched);
     }
 
     /// Takes `bytes` off their front, as far as the end of a frame or all, and executes the frame.

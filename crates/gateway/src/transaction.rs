@@ -146,9 +146,9 @@ pub(crate) struct Transactions {
     /// Until then a reply to a motion may be a late one to another.
     motion_reply_until: Instant,
     /// Since when the motor owes a reply or an objection.
-    owed_since: Option<Instant>,
+    pub owed_since: Option<Instant>,
     /// The motor has answered a request to another one, and will again.
-    objects: bool,
+    pub objects: bool,
     /// How often it may still do so, since the last frame to it.
     objections_due: u8,
 }
@@ -213,16 +213,6 @@ impl Transactions {
         let current = self.current.as_ref().filter(|c| protocol::slow_reply(&c.command).is_none());
         current.is_some_and(Transaction::is_awaited)
             || self.former.as_ref().is_some_and(Transaction::is_awaited)
-    }
-
-    /// Since when the motor owes a reply or an objection.
-    pub fn owed_since(&self) -> Option<Instant> {
-        self.owed_since
-    }
-
-    /// Whether the motor answers requests to others.
-    pub fn objects(&self) -> bool {
-        self.objects
     }
 
     /// A job begins: the request under way is not of it.

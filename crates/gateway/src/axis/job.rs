@@ -510,14 +510,4 @@ impl Axis {
         (self.is_unsaved, self.told_to_stream) = (true, true);
         self.config.set(AxisParameter::Stream, Value::Unsigned(word))
     }
-
-    /// Whether that is still to be [measured](Self::stream_is_measured) in the row of the axis.
-    pub fn is_told_to_stream(&self) -> bool {
-        self.told_to_stream
-    }
-
-    /// That is done.
-    pub fn stream_is_measured(&mut self) {
-        self.told_to_stream = false;
-    }
 }

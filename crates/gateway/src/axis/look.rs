@@ -84,7 +84,7 @@ impl Look {
         look.note(Is::Configured, true);
         look.note(Is::Awaiting, transactions.awaits_reply());
         look.note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
-        look.note(Is::Objecting, transactions.objects());
+        look.note(Is::Objecting, transactions.objects);
         look.note(Is::Cycling, axis.is_cycling());
         look.note(Is::InPeriod, axis.has_part());
         let [former, current] = transactions.deadlines();
@@ -130,7 +130,7 @@ impl Look {
             State::Stopping(stop) => self.note_stop(stop),
             State::Tripped(tripped, stop) => {
                 self.note(Is::Tripped, true);
-                self.note(Is::Unreachable, stop.is_unreachable());
+                self.note(Is::Unreachable, stop.unreachable);
                 self.note(Is::Spreading, tripped.spreads);
                 self.note_stop(stop)
             }

@@ -78,7 +78,7 @@ pub(crate) struct Axis {
     /// Counts polls: which comes next follows from it.
     poll_index: usize,
     /// A host has subscribed to the axis.
-    watched: bool,
+    pub watched: bool,
     pub measured: Measured,
     angle: Angle,
     motor_timeout: MotorTimeout,
@@ -99,7 +99,7 @@ pub(crate) struct Axis {
     /// What outlives a reset of the gateway has changed and has still to be saved.
     is_unsaved: bool,
     /// The row of its configuration has changed by what its motor was told, and is to be measured.
-    told_to_stream: bool,
+    pub told_to_stream: bool,
     pub telemetry: Telemetry,
 }
 
@@ -143,16 +143,6 @@ impl Axis {
         }
     }
 
-    /// Whether a host has subscribed to the axis.
-    pub fn is_watched(&self) -> bool {
-        self.watched
-    }
-
-    /// Whether a host has subscribed to the axis.
-    pub fn watch(&mut self, watched: bool) {
-        self.watched = watched;
-    }
-
     /// The configuration is another. Where it has `moved` what decides by which frames the motor is
     /// reached, nothing is known of the motor; the `same` one goes on holding.
     pub fn configured(&mut self, moved: bool, same: bool, out: &mut Outbox<'_>) {
@@ -193,7 +183,7 @@ impl Axis {
 
     /// Standstill as far as a reading taken since the stop tells.
     fn standstill(&self) -> Option<bool> {
-        let velocity = self.measured.velocity_since(self.stop()?.since())?;
+        let velocity = self.measured.velocity_since(self.stop()?.since)?;
         Some(self.is_standstill(velocity))
     }
 
@@ -231,7 +221,7 @@ impl Axis {
             fault_record: self.measured.fault_record,
             motor_timeout: self.motor_timeout(now),
             standstill: self.standstill(),
-            stop_acknowledged: self.stop().is_some_and(Stop::is_acknowledged),
+            stop_acknowledged: self.stop().is_some_and(|stop| stop.acknowledged),
         }
     }
 
@@ -280,7 +270,7 @@ impl Axis {
         Traffic {
             bus: self.config.bus(),
             config_version: self.config.version(),
-            objects: self.transactions.objects(),
+            objects: self.transactions.objects,
         }
     }
 }

@@ -105,7 +105,7 @@ impl Axis {
     /// bit up to their data: where both have one id neither loses the arbitration, and the
     /// error repeats with them until a controller is off.
     pub fn reply_with_our_id_since(&self) -> Option<Instant> {
-        let since = self.transactions.owed_since()?;
+        let since = self.transactions.owed_since?;
         Info::of_axis(&self.config).filter(|info| info.free_ids).map(|_| since)
     }
 

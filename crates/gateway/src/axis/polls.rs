@@ -72,7 +72,7 @@ impl Axis {
             Next::Poll => self.poll_exchange()?,
         };
         let priority = match self.stop() {
-            Some(stop) if !stop.has_left() && stop.is_from_rest() => Priority::FirstStopAtRest,
+            Some(stop) if !stop.has_left() && stop.from_rest => Priority::FirstStopAtRest,
             Some(stop) if !stop.has_left() => Priority::FirstStop,
             Some(_) if exchange.is_stop() => Priority::Stop,
             Some(stop) if stop.next().is_some_and(|(next, _)| next == exchange) => {

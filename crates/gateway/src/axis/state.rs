@@ -196,7 +196,7 @@ impl Axis {
     pub fn tripped(&self) -> Option<Trip> {
         match &self.state {
             State::Tripped(tripped, stop) => {
-                Some(Trip { unreachable: stop.is_unreachable(), ..tripped.trip })
+                Some(Trip { unreachable: stop.unreachable, ..tripped.trip })
             }
             _ => None,
         }
@@ -234,7 +234,7 @@ impl Axis {
 
     /// Whether so many stops stayed unconfirmed that nothing is known of the motor.
     pub fn is_unreachable(&self) -> bool {
-        matches!(&self.state, State::Tripped(_, stop) if stop.is_unreachable())
+        matches!(&self.state, State::Tripped(_, stop) if stop.unreachable)
     }
 
     /// Whether the axis holds and must be polled for it.
@@ -383,13 +383,13 @@ impl Axis {
 
     /// Its first stop command has still to leave, and may.
     pub fn is_about_to_stop(&self) -> bool {
-        self.stop().is_some_and(|stop| !stop.has_left() && !stop.is_not_sent())
+        self.stop().is_some_and(|stop| !stop.has_left() && !stop.not_sent)
     }
 
     /// Leaves a trip whose stop the motor does not confirm, or a stop that cannot be sent. Unsafe:
     /// the motor may be turning.
     pub fn clear_unreachable(&mut self, out: &mut Outbox<'_>) -> Result<(), Error> {
-        if !self.is_unreachable() && !self.stop().is_some_and(Stop::is_not_sent) {
+        if !self.is_unreachable() && !self.stop().is_some_and(|stop| stop.not_sent) {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.doubt_motor_timeout();

@@ -80,26 +80,26 @@ pub(crate) struct Stop {
     /// A confirmed stop that is repeated: what ends a move to a position comes next.
     end_follows: bool,
     /// The trip or the request.
-    since: Instant,
+    pub since: Instant,
     /// It began at rest, where a stop is only to be sure.
-    from_rest: bool,
+    pub from_rest: bool,
     /// The hosts have been told that it is late to leave.
-    delay_reported: bool,
+    pub delay_reported: bool,
     /// Stop commands that have left; counts to `STOPS_AT_LEAST`.
     sent: u8,
     /// When the first one had.
     first_left: Option<Instant>,
     /// When the latest command had, of [those that are repeated](Self::command).
     last_left: Option<Instant>,
-    acknowledged: bool,
-    standstill_readings: u8,
+    pub acknowledged: bool,
+    pub(super) standstill_readings: u8,
     /// Stop commands in a row that were not answered, or were refused.
     unconfirmed: u8,
     /// The motor has answered something since the first of these: it hears us.
-    hears: bool,
+    pub hears: bool,
     /// So many stops came to nothing, or the motor did not come to rest, and no stop has been
     /// confirmed since.
-    unreachable: bool,
+    pub unreachable: bool,
     backoff: Backoff,
     /// When a motor that answers and does not come to rest is given up.
     give_up_at: Instant,
@@ -121,7 +121,7 @@ pub(crate) struct Stop {
     /// after it had left.
     went_on_at: Instant,
     /// A frame of it has waited for so long to leave that it counts as not sent, and waits still.
-    not_sent: bool,
+    pub not_sent: bool,
     /// After a repeated stop the speed is read once, so that a coasting motor's standstill becomes
     /// known.
     read_after_repeat: bool,
@@ -166,21 +166,9 @@ impl Stop {
         }
     }
 
-    pub fn since(&self) -> Instant {
-        self.since
-    }
-
-    pub fn is_from_rest(&self) -> bool {
-        self.from_rest
-    }
-
     /// Since when no command of it has left, if that has not been reported.
     pub fn unreported_since(&self) -> Option<Instant> {
         (!self.has_left() && !self.delay_reported).then_some(self.since)
-    }
-
-    pub fn report_delay(&mut self) {
-        self.delay_reported = true;
     }
 
     /// No stop command had left at `at`.
@@ -196,24 +184,6 @@ impl Stop {
     /// From the trip or the request until the first command had left.
     pub fn reaction(&self, now: Instant) -> Duration {
         self.first_left.unwrap_or(now).since(self.since)
-    }
-
-    pub fn is_acknowledged(&self) -> bool {
-        self.acknowledged
-    }
-
-    pub fn is_unreachable(&self) -> bool {
-        self.unreachable
-    }
-
-    /// The motor has answered something since its stops began to come to nothing.
-    pub fn hears(&self) -> bool {
-        self.hears
-    }
-
-    /// It has waited for so long that it counts as not sent, and waits still.
-    pub fn is_not_sent(&self) -> bool {
-        self.not_sent
     }
 
     /// The motor has confirmed it.
@@ -336,11 +306,6 @@ impl Stop {
         Some(repeat_at)
     }
 
-    /// It could not be sent in time.
-    pub fn note_not_sent(&mut self) {
-        self.not_sent = true;
-    }
-
     /// The bus has taken an exchange of the stop.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
         if exchange == self.command() {
@@ -437,11 +402,6 @@ impl Stop {
         self.unreachable = false;
         self.repeat_at = repeat_at;
         self.hold_poll = hold_poll;
-    }
-
-    /// The motor turns, as a late reply says. Whatever that answered, it does not show standstill.
-    pub(super) fn turns(&mut self) {
-        self.standstill_readings = 0;
     }
 
     /// Where one more is owed the last step is done again behind it.

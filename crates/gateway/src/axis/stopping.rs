@@ -82,7 +82,7 @@ impl Axis {
         let Some(stop) = self.stop_mut() else { return };
         stop.goes_on_confirmed(repeat_at, hold_poll);
         let reaction_us = stop.reaction(now).as_micros_u32();
-        let elapsed_us = now.since(stop.since()).as_micros_u32();
+        let elapsed_us = now.since(stop.since).as_micros_u32();
         let axis = self.index;
         out.event(&Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill });
         if matches!(self.state, State::Stopping(_)) {
@@ -125,8 +125,8 @@ impl Axis {
     /// was at rest waits for it; of any other the motor may be turning.
     pub fn stop_not_sent(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let Some(stop) = self.stop_mut() else { return };
-        stop.note_not_sent();
-        if !stop.is_from_rest() || stop.has_left() {
+        stop.not_sent = true;
+        if !stop.from_rest || stop.has_left() {
             self.becomes_unreachable(now, false, out);
         }
     }
@@ -155,7 +155,7 @@ impl Axis {
         if self.still(seen) == Some(false)
             && let Some(stop) = self.stop_mut()
         {
-            stop.turns();
+            stop.standstill_readings = 0;
         }
     }
 
@@ -181,7 +181,7 @@ impl Axis {
     /// The stop that has not left has been reported.
     pub fn stop_reported(&mut self) {
         if let Some(stop) = self.stop_mut() {
-            stop.report_delay();
+            stop.delay_reported = true;
         }
     }
 

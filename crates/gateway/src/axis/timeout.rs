@@ -1,7 +1,6 @@
 //! The motor's own timeout, the second layer: what is known of it, and what follows (GUARANTEES G1,
 //! G4).
 
-use super::stop::Stop;
 use super::{Axis, JobKind};
 use crate::protocol::Info;
 use crate::time::{Duration, Instant};
@@ -188,7 +187,7 @@ impl Axis {
     /// on so long that its own timeout can act, which whatever we send may be feeding; one that does
     /// not answer, as it may hear the next one, until the stop is due again (GUARANTEES G4).
     pub(super) fn unreachable_silence(&self) -> Duration {
-        if self.written_timeout_ms > 0 && self.stop().is_some_and(Stop::hears) {
+        if self.written_timeout_ms > 0 && self.stop().is_some_and(|stop| stop.hears) {
             Duration::from_millis(u64::from(self.written_timeout_ms)).and_a_half()
         } else {
             self.config.stop_repeat()

@@ -55,7 +55,7 @@ pub(crate) fn check<'a>(
 /// How many other motors of the bus answer a request to this one by saying that it was not for
 /// them.
 pub(super) fn objections<'a>(axis: &Axis, axes: impl Iterator<Item = &'a Axis>) -> u64 {
-    axes.filter(|other| other.index != axis.index && other.transactions.objects()).count() as u64
+    axes.filter(|other| other.index != axis.index && other.transactions.objects).count() as u64
 }
 
 /// Time that one request and its reply take.

@@ -255,8 +255,7 @@ impl Bus {
     /// From when on each first stop that has not left may leave.
     fn first_stops_may_leave<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = Instant> + 'a {
         let first_stops = axes.of(self.which(Is::FirstStop, axes));
-        first_stops
-            .filter_map(|axis| Some(axis.stop()?.since().max(self.id_is_free_at(axis, axes))))
+        first_stops.filter_map(|axis| Some(axis.stop()?.since.max(self.id_is_free_at(axis, axes))))
     }
 
     /// A frame in the controller that keeps a stop out which goes before it.
@@ -392,7 +391,7 @@ impl Bus {
         let Some(since) = since else { return Instant::from_micros(0) };
         // Another motor's reply or objection may have begun when nothing has come for so long, and
         // that of this one be behind it.
-        let objects = axis.transactions.objects();
+        let objects = axis.transactions.objects;
         let others = self.which(Is::OwedOurId, axes).without(Set::of(axis.index));
         let behind =
             if !others.is_empty() || objects { self.frame_time(1) } else { Duration::ZERO };

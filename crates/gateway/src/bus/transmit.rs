@@ -252,7 +252,7 @@ impl Bus {
         self.last_served = axis.index;
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
         let may_come = self.kind() == BusKind::Can
-            && (axis.reply_with_our_id_since().is_some() || axis.transactions.objects());
+            && (axis.reply_with_our_id_since().is_some() || axis.transactions.objects);
         let may_collide = may_come && !self.let_reply_pass;
         let collided_at = may_collide.then(|| now + self.frame_time(COLLIDED_AFTER_FRAMES));
         axis.handed(now, want.exchange, command, slot);

@@ -59,7 +59,7 @@ impl Gateway {
         GatewayReport {
             time_us: now.as_micros(),
             starts: self.starts,
-            holder: self.authority.holder(),
+            holder: self.authority.holder,
             e_stop_latched: self.e_stopped,
             e_stop_input_open: self.board.e_stop_input.then_some(self.e_stop_input_open),
             enable_output: self.board.enable_output.then_some(self.enabled),

@@ -61,10 +61,10 @@ pub(crate) struct Retention {
     /// The gateway has another name.
     gateway: bool,
     states: States,
-    /// What has changed, has changed together.
-    together: bool,
+    /// Several rows have changed together: a reset that leaves some of them as before is noticed.
+    pub together: bool,
     /// Nothing is left to save: the history has every trip, and the states say so.
-    is_complete: bool,
+    pub is_complete: bool,
     /// What the memory is: unknown before it is restored or written.
     memory: Memory,
     /// A word of what a reset should have left alone has changed.
@@ -100,16 +100,6 @@ impl Retention {
         }
     }
 
-    /// Whether nothing is left to store.
-    pub fn is_complete(&self) -> bool {
-        self.is_complete
-    }
-
-    /// An axis has tripped between two events.
-    pub fn has_tripped(&mut self) {
-        self.is_complete = false;
-    }
-
     /// An axis has been configured or removed.
     pub fn axis_changed(&mut self, axis: u8) {
         self.axes.add(Set::of(axis));
@@ -123,11 +113,6 @@ impl Retention {
     /// The gateway may have another name.
     pub fn gateway_changed(&mut self, has: bool) {
         self.gateway |= has;
-    }
-
-    /// Several rows have changed together: a reset that leaves some of them as before is noticed.
-    pub fn changed_together(&mut self) {
-        self.together = true;
     }
 
     fn write(&mut self, place: Place, payload: &[u32], store: Store<'_>) {
@@ -216,7 +201,7 @@ impl Gateway {
 
     /// Whether [`save_some`](Self::save_some) has something to store.
     pub fn has_more_to_save(&self) -> bool {
-        !self.retention.is_complete()
+        !self.retention.is_complete
     }
 
     /// Stores a part of what [`handle`](Self::handle) has left for later: the history, and what has
@@ -280,7 +265,7 @@ impl Gateway {
             tripped,
             unreachable: which(Is::Unreachable),
             flags: if self.e_stopped { E_STOPPED } else { 0 },
-            silence_us: self.authority.silence().as_micros_u32(),
+            silence_us: self.authority.silence.as_micros_u32(),
         }
     }
 
@@ -323,7 +308,7 @@ impl Gateway {
             states.moving.add(Set::ALL.without(states.tripped));
         }
         if states.silence_us != 0 {
-            self.authority.set_silence(Duration::from_micros(u64::from(states.silence_us)));
+            self.authority.silence = Duration::from_micros(u64::from(states.silence_us));
         }
         self.e_stopped = states.flags & E_STOPPED != 0;
         self.starts = states.starts.saturating_add(1);

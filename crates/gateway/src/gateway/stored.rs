@@ -6,7 +6,6 @@
 use super::Gateway;
 use super::requests::{Authority, Result};
 use super::retained::is_remembered;
-use crate::axis::Axis;
 use crate::outbox::Ticket;
 use crate::port::{Found, Save, SaveError};
 use crate::set::Set;
@@ -121,7 +120,7 @@ impl Gateway {
             self.forget_configuration(now);
         }
         self.stored.state = state;
-        self.retention.changed_together();
+        self.retention.together = true;
     }
 
     /// Makes the changes of a row. Returns why not.
@@ -150,7 +149,7 @@ impl Gateway {
         }
         self.draft.open();
         (0u8..).take(self.buses.len()).for_each(|bus| self.draft.set_bus(bus, None));
-        self.draft.set_silence(Authority::new().silence());
+        self.draft.silence = Some(Authority::new().silence);
         let _ = self.add_name(Subject::Gateway, None);
         let _ = self.apply_changes(now);
     }
@@ -230,9 +229,9 @@ impl Gateway {
 
     /// The digest of the running configuration, with what motors have been told meanwhile.
     fn digest(&mut self) -> u32 {
-        let told = self.axes.those(Set::ALL, Axis::is_told_to_stream);
+        let told = self.axes.those(Set::ALL, |axis| axis.told_to_stream);
         if !told.is_empty() {
-            self.axes.each(told, Axis::stream_is_measured);
+            self.axes.each(told, |axis| axis.told_to_stream = false);
             self.measure(Set::NONE, told, false);
         }
         self.stored.digest()

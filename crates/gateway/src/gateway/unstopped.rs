@@ -200,7 +200,7 @@ impl Gateway {
         for axis in grouped {
             self.trip_with_group(axis);
         }
-        self.retention.has_tripped();
+        self.retention.is_complete = false;
         self.settle(self.now);
         self.spread_trips();
     }
@@ -224,7 +224,7 @@ impl Gateway {
             // waits until the bus is back.
             let carried = !matches!(ready_bus(buses, axis), Err(Error::BusNotConfigured { .. }));
             // What has begun to stop just now, as by this e-stop, is not asked again.
-            let has_just_begun = axis.stop().is_some_and(|stop| stop.since() == now);
+            let has_just_begun = axis.stop().is_some_and(|stop| stop.since == now);
             if !has_just_begun && (!axis.is_idle_or_holding() || carried) {
                 axis.halt(now, &mut out);
             }

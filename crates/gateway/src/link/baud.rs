@@ -14,7 +14,8 @@ const ONE_FRAME_US: u64 = 5_000;
 pub struct Baud {
     #[serde(skip)]
     offered: Option<&'static [u32]>,
-    now: u32,
+    /// The one that it runs at, where it is a UART.
+    pub now: u32,
     /// It is next, when the replies that wait have left.
     next: Option<u32>,
     /// How much was unreadable since the last valid frame, and when the last of it came, µs.
@@ -45,11 +46,7 @@ impl Baud {
         self.offered = Some(offered);
     }
 
-    pub fn now(&self) -> u32 {
-        self.now
-    }
-
-    /// The host asks for a rate.
+    /// The host asks for another rate, which begins when the replies have left.
     pub fn ask(&mut self, baud: u32) -> Result<(), Error> {
         let offers = self.offered.unwrap_or_default();
         if offers.is_empty() {
@@ -80,7 +77,7 @@ impl Baud {
         self.unreadable = 0;
     }
 
-    /// Something came that is no frame. Bytes of a host at another rate are like that.
+    /// Something came that is no frame, or no bytes. Bytes of a host at another rate are like that.
     pub fn unreadable(&mut self, now_us: u64) {
         if self.unreadable > 0 && now_us < self.unreadable_us + ONE_FRAME_US {
             return;

@@ -204,7 +204,7 @@ impl Links {
     pub fn touch(&mut self, link: u8) {
         self.stale.add(Set::of(link));
         let Some(port) = self.links.get_mut(usize::from(link)) else { return };
-        if port.take_changed_baud() || port.has_output(&self.ring) {
+        if port.baud.take_changed() || port.has_output(&self.ring) {
             self.changed.add(Set::of(link));
         }
     }

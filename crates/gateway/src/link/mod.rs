@@ -47,7 +47,7 @@ pub struct Link {
     /// When the last valid request came, repeated ones too.
     last_valid_us: Option<u64>,
     subscription: Option<Subscription>,
-    baud: Baud,
+    pub(crate) baud: Baud,
 }
 
 impl Link {
@@ -73,29 +73,6 @@ impl Link {
     /// The same link, taken from a snapshot, on its port.
     pub(crate) fn attach(&mut self, bauds: &'static [u32]) {
         self.baud.attach(bauds);
-    }
-
-    /// The rate that it runs at, where it is a UART.
-    pub(crate) fn baud(&self) -> u32 {
-        self.baud.now()
-    }
-
-    /// The host asks for another rate, which begins when the replies have left.
-    ///
-    /// # Errors
-    /// [`Error::BaudNotOffered`] or [`Error::LinkHasNoBaud`].
-    pub(crate) fn set_baud(&mut self, baud: u32) -> Result<(), Error> {
-        self.baud.ask(baud)
-    }
-
-    /// Whether the rate has changed since this was last asked.
-    pub(crate) fn take_changed_baud(&mut self) -> bool {
-        self.baud.take_changed()
-    }
-
-    /// What came was no bytes.
-    pub(crate) fn line_error(&mut self, now_us: u64) {
-        self.baud.unreadable(now_us);
     }
 
     /// Takes `bytes` of the host off their front, as far as the end of a frame or all. The frame is

@@ -8,10 +8,12 @@ use serde::{Deserialize, Serialize};
 /// Who may command, and how long it may be silent.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Authority {
-    holder: Option<u8>,
+    /// The link in command.
+    pub holder: Option<u8>,
     /// When the holder took authority or was last heard.
     heard_at: Instant,
-    silence: Duration,
+    /// The silence that ends authority.
+    pub silence: Duration,
 }
 
 impl Authority {
@@ -49,10 +51,6 @@ impl Authority {
         Ok(())
     }
 
-    pub fn release(&mut self) {
-        self.holder = None;
-    }
-
     /// A valid frame came from a link.
     pub fn heard(&mut self, now: Instant, link: u8) {
         if self.is_held_by(link) {
@@ -63,19 +61,5 @@ impl Authority {
     /// When the holder's silence becomes too long.
     pub fn deadline(&self) -> Option<Instant> {
         self.holder.map(|_| self.heard_at + self.silence)
-    }
-
-    /// The link in command.
-    pub fn holder(&self) -> Option<u8> {
-        self.holder
-    }
-
-    /// The silence that ends authority.
-    pub fn silence(&self) -> Duration {
-        self.silence
-    }
-
-    pub fn set_silence(&mut self, silence: Duration) {
-        self.silence = silence;
     }
 }

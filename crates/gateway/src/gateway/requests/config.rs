@@ -74,7 +74,7 @@ impl Gateway {
     }
 
     fn add_change(&mut self, change: &Change) -> Result<()> {
-        if !self.draft.is_open() {
+        if !self.draft.is_open {
             return Err(Error::NoChangesBegun {});
         }
         match *change {
@@ -84,7 +84,7 @@ impl Gateway {
                 known.check(value)?;
                 match (known, value) {
                     (GatewayParameter::LinkSilenceUs, Value::Unsigned(us)) => {
-                        self.draft.set_silence(Duration::from_micros(u64::from(us)));
+                        self.draft.silence = Some(Duration::from_micros(u64::from(us)));
                     }
                     _ => return Err(Error::WrongType { parameter }),
                 }
@@ -114,7 +114,7 @@ impl Gateway {
     pub(crate) fn gateway_parameter(&self, parameter: u16) -> Result<Value> {
         match GatewayParameter::from_number(parameter) {
             Some(GatewayParameter::LinkSilenceUs) => {
-                Ok(Value::Unsigned(self.authority.silence().as_micros_u32()))
+                Ok(Value::Unsigned(self.authority.silence.as_micros_u32()))
             }
             None => Err(Error::UnknownParameter { parameter }),
         }
@@ -128,7 +128,7 @@ impl Gateway {
     }
 
     fn make_changes(&mut self, now: Instant) -> Result<()> {
-        if !self.draft.is_open() {
+        if !self.draft.is_open {
             return Err(Error::NoChangesBegun {});
         }
         let reach = self.check_states()?;
@@ -247,8 +247,8 @@ impl Gateway {
 
     /// What follows from changes that have been made.
     fn take_changes_over(&mut self, now: Instant, reach: &Reach) {
-        if let Some(silence) = self.draft.silence() {
-            self.authority.set_silence(silence);
+        if let Some(silence) = self.draft.silence {
+            self.authority.silence = silence;
         }
         for bus in self.draft.buses().numbers() {
             self.end_raw(now, bus);
@@ -270,7 +270,7 @@ impl Gateway {
             retention.axis_changed(index);
         });
         if draft.rows() > 1 {
-            retention.changed_together();
+            retention.together = true;
         }
         self.take_names_over();
         for bus in reach.buses.numbers() {

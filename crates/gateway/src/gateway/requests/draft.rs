@@ -27,8 +27,9 @@ const MOST: u16 = 352;
 #[derive(Debug, Clone, Deserialize)]
 #[repr(C)]
 pub(crate) struct Draft {
-    is_open: bool,
-    silence: Option<Duration>,
+    pub is_open: bool,
+    /// What the silence that ends authority becomes, if it changes.
+    pub silence: Option<Duration>,
     /// What each bus becomes, if it changes; nothing: it no longer runs.
     buses: [Option<Option<BusConfig>>; MAX_BUSES],
     parameters: Vec<Entry, { MOST as usize }>,
@@ -109,14 +110,6 @@ impl Draft {
         self.parameters.clear();
     }
 
-    pub fn is_open(&self) -> bool {
-        self.is_open
-    }
-
-    pub fn set_silence(&mut self, silence: Duration) {
-        self.silence = Some(silence);
-    }
-
     pub fn set_bus(&mut self, bus: u8, config: Option<BusConfig>) {
         if let Some(place) = self.buses.get_mut(usize::from(bus)) {
             *place = Some(config);
@@ -184,10 +177,6 @@ impl Draft {
         let mut rows = self.buses();
         rows.add(self.named(BUS_ROWS));
         rows
-    }
-
-    pub fn silence(&self) -> Option<Duration> {
-        self.silence
     }
 
     /// The axes of which a parameter changes.

@@ -91,7 +91,7 @@ impl Gateway {
                 SetBaud,
                 self.links
                     .get_mut(ticket.link)
-                    .map_or(Ok(()), |link| link.set_baud(request.baud))?
+                    .map_or(Ok(()), |link| link.baud.ask(request.baud))?
             ),
             Request::ConfigureGateway(request) => {
                 done!(ConfigureGateway, self.configure_gateway(now, request)?)
@@ -485,7 +485,7 @@ impl Gateway {
     }
 
     fn end_authority(&mut self, now: Instant, why: Why, reason: AuthorityLossReason) {
-        self.authority.release();
+        self.authority.holder = None;
         self.draft.close();
         self.stop_running();
         self.close_all_raw(now);
