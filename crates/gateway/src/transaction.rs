@@ -177,11 +177,6 @@ impl Transactions {
         self.current.is_none()
     }
 
-    /// The port has a frame of this exchange.
-    pub fn has_with_port(&self, is: impl Fn(Exchange) -> bool) -> bool {
-        self.with_port().is_some_and(is)
-    }
-
     /// The request under way, while its frame has not left.
     pub fn with_port(&self) -> Option<Exchange> {
         self.current.as_ref().filter(|c| c.is_with_port()).map(|c| c.exchange)

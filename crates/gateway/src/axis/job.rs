@@ -357,8 +357,9 @@ impl Axis {
     pub(super) fn job_stalls_at(&self) -> Option<Instant> {
         let job = self.job.as_ref()?;
         let is_motion = self.job_step()? == Exchange::Motion;
-        let stop_waits =
-            || self.stop().is_some() && self.transactions.has_with_port(Exchange::is_stop);
+        let stop_waits = || {
+            self.stop().is_some() && self.transactions.with_port().is_some_and(Exchange::is_stop)
+        };
         let waits = self.transactions.is_idle() || stop_waits();
         waits.then(|| self.transactions.not_before(is_motion, job.since) + TAKEN_WITHIN)
     }

@@ -130,7 +130,7 @@ impl Axis {
     pub fn unacknowledged(&mut self, now: Instant, slot: u8, out: &mut Outbox<'_>) {
         let stops = self.stop().is_some();
         if self.transactions.has_in(slot)
-            && self.transactions.has_with_port(|exchange| !(stops && exchange.is_stop()))
+            && self.transactions.with_port().is_some_and(|exchange| !(stops && exchange.is_stop()))
         {
             self.give_up(now, out);
         }

@@ -374,7 +374,7 @@ impl Axis {
     /// A stop is asked for although one is under way or confirmed: it is sent again at once, and
     /// what is under way makes room, but for a stop that has still to leave.
     fn stop_again(&mut self, now: Instant) {
-        let leaves = self.transactions.has_with_port(Exchange::is_stop);
+        let leaves = self.transactions.with_port().is_some_and(Exchange::is_stop);
         let (State::Stopping(stop) | State::Tripped(_, stop)) = &mut self.state else { return };
         if stop.ask_again(now, &self.config) && !leaves {
             self.transactions.preempt();

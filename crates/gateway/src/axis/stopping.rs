@@ -173,20 +173,10 @@ impl Axis {
         next.filter(|(exchange, _)| exchange.is_stop()).map(|(_, at)| at)
     }
 
-    /// Whether a stop of which no command has left.
-    pub fn stop_has_not_left(&self) -> bool {
-        self.stop().is_some_and(|stop| !stop.has_left())
-    }
-
     /// The stop that has not left has been reported.
     pub fn stop_reported(&mut self) {
         if let Some(stop) = self.stop_mut() {
             stop.delay_reported = true;
         }
-    }
-
-    /// Whether a first stop of this axis was to leave at `since` or later.
-    pub fn stops_beside(&self, since: Instant) -> bool {
-        self.stop().is_some_and(|stop| stop.had_not_left(since))
     }
 }

@@ -6,7 +6,7 @@ use super::frame_bits::longest_frame_bits;
 use super::load::{objections, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
 use crate::axes::Axes;
-use crate::axis::Is;
+use crate::axis::{Axis, Is};
 use crate::outbox::Outbox;
 use crate::protocol::{self, Info};
 use crate::set::Set;
@@ -188,8 +188,9 @@ impl Bus {
                 .filter(|(began, _)| *began == since)
                 .map(|(_, due)| due)
                 .unwrap_or_else(|| {
-                    let together =
-                        self.axes_here(axes).filter(|other| other.stops_beside(since)).count();
+                    let beside =
+                        |other: &&Axis| other.stop().is_some_and(|stop| stop.had_not_left(since));
+                    let together = self.axes_here(axes).filter(beside).count();
                     since + self.bound(together as u64, axes) + ALLOWANCE
                 });
             before = Some((since, due));

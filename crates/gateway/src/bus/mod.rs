@@ -210,7 +210,10 @@ impl Bus {
         if self.config.is_none() {
             return false;
         }
-        let is_restarted = self.recover(now, axes, out);
+        let is_restarted = self.restart_at.is_some_and(|at| at <= now);
+        if is_restarted {
+            self.restart(now, axes, out);
+        }
         let is_overdue = self.expire_in_flight(now, axes, out);
         self.expire_deliveries(now, axes, out);
         if stops {
@@ -358,15 +361,6 @@ impl Bus {
             in_flight.is_first_stop = false;
             in_flight.is_disowned = true;
         }
-    }
-
-    /// Starts a bus again that has been off for long enough.
-    pub fn recover(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) -> bool {
-        let is_due = self.restart_at.is_some_and(|at| at <= now);
-        if is_due {
-            self.restart(now, axes, out);
-        }
-        is_due
     }
 
     /// The pause before the next start: it grows as long as each start leads to nothing (GUARANTEES

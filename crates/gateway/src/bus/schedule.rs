@@ -226,7 +226,7 @@ impl Bus {
     /// with the port and have been held up there.
     pub fn needs_a_first_stop(&self, now: Instant, axes: &Axes) -> bool {
         let first = self.which(Is::FirstStop, axes);
-        let waits = |axis: &Axis| !axis.transactions.has_with_port(|_| true);
+        let waits = |axis: &Axis| axis.transactions.with_port().is_none();
         first.is_empty() || !axes.of(first).any(waits) && !self.first_stops_bar(now, axes)
     }
 
@@ -275,7 +275,8 @@ impl Bus {
             return None;
         }
         let id = protocol::stop_id(&axis.config);
-        let is_first = axis.stop_has_not_left() && self.stops(now, axes) == Stops::First;
+        let is_first = axis.stop().is_some_and(|stop| !stop.has_left())
+            && self.stops(now, axes) == Stops::First;
         let held =
             self.in_flight.iter().flatten().filter(|f| f.is_first_stop).filter_map(|f| f.id).min();
         let loses = |f: &InFlight| match is_first {

@@ -269,6 +269,12 @@ impl Gateway {
         }
     }
 
+    /// Whether these words tell what a reset has left of a run before: its configuration then
+    /// counts, and [`restore`](Self::restore) may come before [`load`](Self::load).
+    pub fn is_remembered(words: &[u32]) -> bool {
+        layout::is_ours(words)
+    }
+
     /// Takes over what was saved before a reset; once, before any event. `words` are those of the
     /// memory, empty after power came on. Every configured axis is stopped: what may have been
     /// in motion trips with [`TripReason::Reset`], what was tripped stays so, and unreachable
@@ -402,11 +408,6 @@ impl Gateway {
     pub fn stops_under_way(&self) -> bool {
         !self.unstopped.is_empty() || !self.axes.which(Is::FirstStop).is_empty()
     }
-}
-
-/// Whether these words tell what a run before has left.
-pub(super) fn is_remembered(words: &[u32]) -> bool {
-    layout::is_ours(words)
 }
 
 /// The words of an axis: its configuration, the timeout last written to its motor, its name.

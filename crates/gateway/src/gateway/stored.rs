@@ -5,7 +5,6 @@
 
 use super::Gateway;
 use super::requests::{Authority, Result};
-use super::retained::is_remembered;
 use crate::outbox::Ticket;
 use crate::port::{Found, Save, SaveError};
 use crate::set::Set;
@@ -84,12 +83,6 @@ impl Stored {
 }
 
 impl Gateway {
-    /// Whether these words tell what a reset has left of a run before: its configuration then
-    /// counts, and [`restore`](Self::restore) may come before [`load`](Self::load).
-    pub fn is_remembered(words: &[u32]) -> bool {
-        is_remembered(words)
-    }
-
     /// Takes over the configuration that is stored, unless a reset has left the running one in
     /// `words`: that one counts. Once, before [`restore`](Self::restore), which has each axis
     /// stopped first; where [`is_remembered`](Self::is_remembered) it may come after. `next` writes
@@ -102,7 +95,7 @@ impl Gateway {
         self.measure_configuration();
         self.stored.state = State::Found(found);
         let Found::Rows { digest } = found else { return };
-        if is_remembered(words) {
+        if Self::is_remembered(words) {
             return;
         }
         let mut row = [0; MAX_STORED_ROW];

@@ -137,7 +137,7 @@ impl Gateway {
         };
         while needs(self) {
             let here = self.axes.of(self.unstopped.axes().and(self.axes.on(bus)));
-            let waits = |axis: &Axis| axis.transactions.has_with_port(|_| true);
+            let waits = |axis: &Axis| axis.transactions.with_port().is_some();
             let first = here.min_by_key(|axis| (waits(axis), protocol::stop_id(&axis.config)));
             let Some(axis) = first else { return };
             self.reach(Set::of(axis.index));

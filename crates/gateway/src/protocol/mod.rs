@@ -22,7 +22,7 @@ pub(crate) use ids::{
 };
 pub(crate) use native::{Demand, Effect, Native, native};
 pub(crate) use raw::{is_harmless_on_can, is_harmless_on_serial};
-pub(crate) use rmd::{slow_reply, tells_state, tracks};
+pub(crate) use rmd::{check_dialect, slow_reply, stated_version, tells_state, tracks};
 pub(crate) use serial::{Deframer, Serial, SerialFrame};
 pub(crate) use stream::Stream;
 pub(crate) use versions::Evidence;
@@ -230,6 +230,11 @@ impl Info {
     pub fn speed_unit_rad_s(&self) -> f32 {
         self.speed.to_si(1)
     }
+
+    /// What so many counts of the motor's are in its sense of rotation, rad.
+    pub fn position_rad(&self, count: i32) -> f32 {
+        self.position.to_si(count)
+    }
 }
 
 impl Received {
@@ -348,13 +353,6 @@ pub(crate) fn further(
     Ok(Further { command, start_rad, target_rad: sign * unit.to_si(target) })
 }
 
-impl Info {
-    /// What so many counts of the motor's are in its sense of rotation, rad.
-    pub fn position_rad(&self, count: i32) -> f32 {
-        self.position.to_si(count)
-    }
-}
-
 /// Whether the motor answers this command at all.
 pub(crate) fn is_answered(command: &Command, config: &AxisConfig) -> bool {
     Info::of_axis(config).is_some_and(|info| (info.is_answered)(command, config))
@@ -377,12 +375,7 @@ pub(crate) fn are_answered_alike(one: &Command, other: &Command, config: &AxisCo
 
 /// The frames that the motor sends by itself, and how often.
 pub(crate) fn stream(config: &AxisConfig) -> Option<Stream> {
-    Stream::of_word(stream_word(config))
-}
-
-/// The same as `stream` of the axis says it; 0 where there are none.
-pub(crate) fn stream_word(config: &AxisConfig) -> u32 {
-    config.unsigned(AxisParameter::Stream).unwrap_or(0)
+    Stream::of_word(config.unsigned(AxisParameter::Stream).unwrap_or(0))
 }
 
 /// How many frames answer a motion command.
@@ -412,16 +405,6 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
         Some(info) if timeout_ms != 0 => Quantity::MotorTimeout.check(timeout_ms, info.timeouts_ms),
         _ => Ok(()),
     }
-}
-
-/// Refuses what the motor of an axis lacks, of the versions of its protocol.
-pub(crate) fn check_dialect(axis: u8, config: &AxisConfig) -> Result<(), Error> {
-    rmd::check_dialect(axis, config)
-}
-
-/// The version that an axis states of its motor: its number, 0 where it states none.
-pub(crate) fn stated_version(config: &AxisConfig) -> u8 {
-    rmd::stated_version(config)
 }
 
 /// The bits of a motor's fault word that neither bar arming nor trip the axis: those that it only

@@ -171,8 +171,8 @@ pub(super) fn probes() -> impl Iterator<Item = [u8; rmd::DATA_LEN]> {
     PROBES.iter().map(|probe| probe.encode().unwrap_or_default())
 }
 
-/// The number of the dialect that the axis states.
-pub(super) fn stated_version(config: &AxisConfig) -> u8 {
+/// The number of the dialect that the axis states, 0 where it states none.
+pub(crate) fn stated_version(config: &AxisConfig) -> u8 {
     dialect(config) as u8
 }
 
@@ -189,7 +189,7 @@ fn torque_cap(config: &AxisConfig) -> Option<TorqueCap> {
 }
 
 /// Refuses a torque cap that the motor would ignore.
-pub(super) fn check_dialect(axis: u8, config: &AxisConfig) -> Result<(), Error> {
+pub(crate) fn check_dialect(axis: u8, config: &AxisConfig) -> Result<(), Error> {
     match torque_cap(config) {
         Some(_) if !dialect(config).has_torque_cap() => {
             Err(Error::NotInDialect { axis, command: rmd::command::CAPPED_POSITION })

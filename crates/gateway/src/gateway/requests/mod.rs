@@ -83,7 +83,7 @@ impl Gateway {
             Request::TakeAuthority(_) => Reply::TakeAuthority(replies::Done {}),
             Request::ReleaseAuthority(_) => {
                 if self.authority.is_held_by(ticket.link) && !ticket.watches {
-                    self.release_authority(now);
+                    self.end_authority(now, Why::Released, AuthorityLossReason::Released);
                 }
                 Reply::ReleaseAuthority(replies::Done {})
             }
@@ -471,11 +471,6 @@ impl Gateway {
     ) -> Result<()> {
         self.with_axis(now, axis, |axis, out| axis.start(now, kind, ticket, out))?;
         Ok(())
-    }
-
-    /// Authority released: what is armed is stopped and disarmed.
-    fn release_authority(&mut self, now: Instant) {
-        self.end_authority(now, Why::Released, AuthorityLossReason::Released);
     }
 
     /// Authority lost by silence: what moves trips, what is armed is disarmed.
