@@ -180,8 +180,7 @@ impl Axes {
 
     /// Those of a set of which something is so that is not kept.
     pub fn those(&self, set: Set, is: impl Fn(&Axis) -> bool) -> Set {
-        let those = self.of(set).filter(|axis| is(axis));
-        those.fold(Set::NONE, |those, axis| those.with(Set::of(axis.index)))
+        self.of(set).filter(|axis| is(axis)).map(|axis| axis.index).collect()
     }
 
     /// Calls `act` with each axis of a set.
@@ -239,13 +238,8 @@ impl Axes {
     }
 
     fn due_by(&self, now: Instant) -> Set {
-        let mut set = Set::NONE;
-        for index in self.which(Is::Configured) {
-            if self.kept.due(index) <= now {
-                set.add(Set::of(index));
-            }
-        }
-        set
+        let configured = self.which(Is::Configured).into_iter();
+        configured.filter(|index| self.kept.due(*index) <= now).collect()
     }
 
     /// Works out anew what is kept of the axes that may have changed. Returns the buses that they

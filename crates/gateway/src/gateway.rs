@@ -435,13 +435,8 @@ impl Gateway {
     /// Has the axes polled that a host has subscribed to.
     pub(crate) fn watch(&mut self) {
         let Self { axes, links, .. } = self;
-        let mut changed = Set::NONE;
-        for axis in axes.iter() {
-            let watched = links.iter().any(|link| link.watches(axis.index));
-            if axis.watched != watched {
-                changed.add(Set::of(axis.index));
-            }
-        }
+        let watched = |axis: &Axis| links.iter().any(|link| link.watches(axis.index));
+        let changed = axes.those(Set::ALL, |axis| axis.watched != watched(axis));
         axes.each(changed, |axis| axis.watched = !axis.watched);
     }
 

@@ -85,7 +85,7 @@ impl History {
     /// Has those of these places saved that hold something, and returns the others.
     pub fn save_again(&mut self, places: Set) -> Set {
         let held = |index: &usize| self.incidents.get(*index).is_some_and(Option::is_some);
-        places.into_iter().filter(held).for_each(|index| self.unsaved.add(Set::of(index)));
+        self.unsaved.add(places.into_iter().filter(held).collect());
         places.without(self.unsaved)
     }
 

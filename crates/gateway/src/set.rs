@@ -119,6 +119,12 @@ impl IntoIterator for Set {
     }
 }
 
+impl<I: Into<usize>> FromIterator<I> for Set {
+    fn from_iter<T: IntoIterator<Item = I>>(members: T) -> Self {
+        members.into_iter().fold(Self::NONE, |set, member| set.with(Self::of(member)))
+    }
+}
+
 /// Those of a set, the lowest first.
 #[derive(Debug, Clone)]
 pub struct Members(u32);

@@ -9,7 +9,6 @@ use crate::axes::Axes;
 use crate::axis::{Axis, Is};
 use crate::outbox::Outbox;
 use crate::protocol::{self, Info};
-use crate::set::Set;
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{BusKind, Event, TripReason};
@@ -219,8 +218,7 @@ impl Bus {
     /// Tells the axes whose stop could not be sent; it stays owed.
     pub fn report_unsent_stops(&self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         let late = self.unsent_stops(axes).filter(|(_, at)| *at <= now);
-        let late = late.fold(Set::NONE, |late, (index, _)| late.with(Set::of(index)));
-        axes.each(late, |axis| axis.stop_not_sent(now, out));
+        axes.each(late.map(|(index, _)| index).collect(), |axis| axis.stop_not_sent(now, out));
     }
 
     /// When the next stop that has not left is to be reported.

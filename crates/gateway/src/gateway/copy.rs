@@ -16,8 +16,7 @@ impl Gateway {
     /// A copy begins: nothing has been copied.
     pub fn begin_copy(&mut self) {
         self.axes.all_stale();
-        *self.links.stale() =
-            (0..self.links.len()).fold(Set::NONE, |all, index| all.with(Set::of(index)));
+        *self.links.stale() = (0..self.links.len()).collect();
         self.tracked().for_each(|(_, is_stale)| *is_stale = true);
     }
 

@@ -367,9 +367,7 @@ fn is_moved(before: &AxisConfig, after: &AxisConfig) -> bool {
 }
 
 fn buses_of(before: &AxisConfig, after: &AxisConfig) -> Set {
-    let mut buses = Set::NONE;
-    [before.bus(), after.bus()].into_iter().flatten().for_each(|bus| buses.add(Set::of(bus)));
-    buses
+    [before.bus(), after.bus()].into_iter().flatten().collect()
 }
 
 /// What says by which frames the motor is reached.

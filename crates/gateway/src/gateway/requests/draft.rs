@@ -144,15 +144,9 @@ impl Draft {
 
     /// Of these rows those whose name changes, from 0.
     pub fn named(&self, rows: Range<usize>) -> Set {
-        let mut named = Set::NONE;
-        for entry in self.parameters.iter().filter(|entry| entry.word().is_some()) {
-            if let Some(index) = usize::from(entry.of).checked_sub(rows.start)
-                && index < rows.len()
-            {
-                named.add(Set::of(index));
-            }
-        }
-        named
+        let words = self.parameters.iter().filter(|entry| entry.word().is_some());
+        let index = |entry: &Entry| usize::from(entry.of).checked_sub(rows.start);
+        words.filter_map(index).filter(|index| *index < rows.len()).collect()
     }
 
     /// Whether the gateway's name changes.
@@ -167,33 +161,23 @@ impl Draft {
 
     /// The axes of which a parameter or the name changes.
     pub fn axis_rows(&self) -> Set {
-        let mut rows = self.axes();
-        rows.add(self.named(AXIS_ROWS));
-        rows
+        self.axes().with(self.named(AXIS_ROWS))
     }
 
     /// The buses that change, and those whose name does.
     pub fn bus_rows(&self) -> Set {
-        let mut rows = self.buses();
-        rows.add(self.named(BUS_ROWS));
-        rows
+        self.buses().with(self.named(BUS_ROWS))
     }
 
     /// The axes of which a parameter changes.
     pub fn axes(&self) -> Set {
-        let mut axes = Set::NONE;
-        let of = self.parameters.iter().filter_map(|entry| entry.axis());
-        of.for_each(|axis| axes.add(Set::of(axis)));
-        axes
+        self.parameters.iter().filter_map(|entry| entry.axis()).collect()
     }
 
     /// The buses that change.
     pub fn buses(&self) -> Set {
-        let mut buses = Set::NONE;
-        for (bus, change) in self.buses.iter().enumerate() {
-            buses.put(Set::of(bus), change.is_some());
-        }
-        buses
+        let changed = self.buses.iter().enumerate().filter(|(_, change)| change.is_some());
+        changed.map(|(bus, _)| bus).collect()
     }
 
     /// How many axes and buses change, and of the gateway its silence and its name, which a reset
