@@ -12,40 +12,9 @@ use crate::protocol;
 use crate::rules;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
-use host_protocol::{
-    AxisParameter, AxisState, BusConfig, BusKind, Change, Error, GatewayParameter, Value, requests,
-};
+use host_protocol::{AxisParameter, AxisState, BusKind, Change, Error, GatewayParameter, Value};
 
 impl Gateway {
-    pub(crate) fn configure_gateway(
-        &mut self,
-        now: Instant,
-        request: &requests::ConfigureGateway,
-    ) -> Result<()> {
-        let requests::ConfigureGateway { parameter, value } = *request;
-        self.change(now, &Change::Gateway { parameter, value })
-    }
-
-    pub(crate) fn configure_bus(
-        &mut self,
-        now: Instant,
-        request: &requests::ConfigureBus,
-    ) -> Result<()> {
-        let requests::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us } =
-            *request;
-        let config = BusConfig { bitrate, protocols, exclusive, reply_window_us };
-        self.change(now, &Change::Bus { bus, config: Some(config) })
-    }
-
-    pub(crate) fn configure_axis(
-        &mut self,
-        now: Instant,
-        request: &requests::ConfigureAxis,
-    ) -> Result<()> {
-        let requests::ConfigureAxis { axis, parameter, value } = *request;
-        self.change(now, &Change::Axis { axis, parameter, value: Some(value) })
-    }
-
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<()> {
         // Where there is no such axis, a list that is open stays.
         self.axis(axis)?;

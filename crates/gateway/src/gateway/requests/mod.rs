@@ -27,9 +27,9 @@ use crate::rules;
 use crate::time::Instant;
 use crate::tracked::Tracked;
 use host_protocol::{
-    AuthorityLossReason, AxisParameter, AxisState, BusCapability, ClearTarget, Error, Event,
-    MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StopTarget, Text, TripReason, Vec,
-    class, replies, requests,
+    AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusConfig, Change, ClearTarget,
+    Error, Event, MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StopTarget, Text,
+    TripReason, Vec, class, replies, requests,
 };
 
 pub(crate) type Result<T, E = Error> = core::result::Result<T, E>;
@@ -93,11 +93,15 @@ impl Gateway {
                     .get_mut(ticket.link)
                     .map_or(Ok(()), |link| link.baud.ask(request.baud))?
             ),
-            Request::ConfigureGateway(request) => {
-                done!(ConfigureGateway, self.configure_gateway(now, request)?)
+            Request::ConfigureGateway(requests::ConfigureGateway { parameter, value }) => {
+                let change = Change::Gateway { parameter: *parameter, value: *value };
+                done!(ConfigureGateway, self.change(now, &change)?)
             }
             Request::ConfigureBus(request) => {
-                done!(ConfigureBus, self.configure_bus(now, request)?)
+                let requests::ConfigureBus { bus, bitrate, protocols, exclusive, reply_window_us } =
+                    *request;
+                let config = Some(BusConfig { bitrate, protocols, exclusive, reply_window_us });
+                done!(ConfigureBus, self.change(now, &Change::Bus { bus, config })?)
             }
             Request::BusStatus(request) => Reply::BusStatus(self.bus(request.bus)?.report()),
             Request::GatewayStatus(_) => Reply::GatewayStatus(self.status(now)),
@@ -116,8 +120,9 @@ impl Gateway {
                 let axis = self.axis(request.axis)?;
                 Reply::ReadAxisSettings(axis.settings(now, request.first))
             }
-            Request::ConfigureAxis(request) => {
-                done!(ConfigureAxis, self.configure_axis(now, request)?)
+            Request::ConfigureAxis(requests::ConfigureAxis { axis, parameter, value }) => {
+                let (axis, parameter, value) = (*axis, *parameter, Some(*value));
+                done!(ConfigureAxis, self.change(now, &Change::Axis { axis, parameter, value })?)
             }
             Request::ReadAxisParameter(request) => {
                 let parameter = request.parameter;
