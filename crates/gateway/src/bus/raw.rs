@@ -1,7 +1,7 @@
 //! Raw access to a bus: frames from and to the host as they are.
 
 use crate::time::{Duration, Instant};
-use heapless::{Deque, Vec};
+use heapless::Deque;
 use host_protocol::replies::{MAX_RAW_FRAMES, RawFrames};
 use host_protocol::{Bytes, RawFrame, ReceivedFrame};
 use serde::{Deserialize, Serialize};
@@ -79,12 +79,8 @@ impl Raw {
     /// The oldest frames, as many as one reply carries, and how many were dropped since the last
     /// time.
     pub fn read(&mut self) -> RawFrames {
-        let mut frames = Vec::<ReceivedFrame, MAX_RAW_FRAMES>::new();
-        while !frames.is_full()
-            && let Some(frame) = self.received.pop_front()
-        {
-            let _ = frames.push(frame);
-        }
+        let oldest = core::iter::from_fn(|| self.received.pop_front());
+        let frames = oldest.take(MAX_RAW_FRAMES).collect();
         RawFrames { frames, dropped: core::mem::take(&mut self.dropped) }
     }
 }

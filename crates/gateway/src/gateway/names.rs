@@ -217,16 +217,9 @@ impl Gateway {
     }
 
     pub(crate) fn read_names(&self, request: requests::ReadNames) -> replies::NameList {
-        let mut list = replies::NameList { names: Default::default(), next: None };
-        let first = row_of(request.first).min(STORED_ROWS);
-        for (row, name) in (first..STORED_ROWS).filter_map(|row| Some((row, self.names.text(row)?)))
-        {
-            let of = subject_of(row);
-            if list.names.push(Named { of, name }).is_err() {
-                list.next = Some(of);
-                break;
-            }
-        }
-        list
+        let name = |row| Some(Named { of: subject_of(row), name: self.names.text(row)? });
+        let mut named = (row_of(request.first)..STORED_ROWS).filter_map(name);
+        let names = named.by_ref().take(replies::MAX_NAMES).collect();
+        replies::NameList { names, next: named.next().map(|named| named.of) }
     }
 }

@@ -29,7 +29,7 @@ use crate::tracked::Tracked;
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusConfig, Change, ClearTarget,
     Error, Event, MAX_MESSAGE, PROTOCOL_MAJOR, PROTOCOL_MINOR, Reply, Request, StopTarget, Text,
-    TripReason, Vec, class, replies, requests,
+    TripReason, class, replies, requests,
 };
 
 pub(crate) type Result<T, E = Error> = core::result::Result<T, E>;
@@ -241,14 +241,10 @@ impl Gateway {
     }
 
     fn list_axes(&self, first: u8) -> replies::AxisList {
-        let mut axes = Vec::<_, { replies::MAX_AXIS_SUMMARIES }>::new();
         let mut configured =
             self.axes.iter().filter(|axis| axis.index >= first && !axis.config.is_empty());
-        while !axes.is_full()
-            && let Some(axis) = configured.next()
-        {
-            let _ = axes.push(axis.summary());
-        }
+        let axes = configured.by_ref().take(replies::MAX_AXIS_SUMMARIES);
+        let axes = axes.map(Axis::summary).collect();
         replies::AxisList { axes, next: configured.next().map(|axis| axis.index) }
     }
 
