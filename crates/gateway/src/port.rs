@@ -369,8 +369,8 @@ pub struct BusSetup {
     pub mode: BusMode,
 }
 
-/// One bus of a board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// One bus of a board; without bitrates a place that is filled when it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BusPort {
     /// What it is and what it can do.
     pub kind: BusPortKind,
@@ -379,9 +379,10 @@ pub struct BusPort {
 }
 
 /// The kinds of bus a board offers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum BusPortKind {
     /// A CAN controller.
+    #[default]
     Can,
     /// A half-duplex serial port.
     Rs485 {
@@ -398,13 +399,6 @@ pub struct LinkPort {
     /// Rates that it can run at, [`DEFAULT_BAUD`](host_protocol::DEFAULT_BAUD) among them; none
     /// where it is no UART. At most [`MAX_BITRATES`](host_protocol::MAX_BITRATES).
     pub bauds: &'static [u32],
-}
-
-/// None: a place that is filled when it is known.
-impl Default for BusPort {
-    fn default() -> Self {
-        Self { kind: BusPortKind::Can, bitrates: &[] }
-    }
 }
 
 /// What the core must know of the board that it runs on.

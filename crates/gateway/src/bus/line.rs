@@ -37,7 +37,7 @@ pub(super) enum Heard {
 }
 
 /// The state of one serial line.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Line {
     local_echo: bool,
     /// What we have sent and not yet heard back.
@@ -91,18 +91,8 @@ impl LineTimes {
 }
 
 impl Line {
-    pub const fn new(local_echo: bool) -> Self {
-        Self {
-            local_echo,
-            echo: Deque::new(),
-            sent_frame: None,
-            deframer: None,
-            rejected_before: 0,
-            active_at: Instant::from_micros(0),
-            taken_at: Instant::from_micros(0),
-            sent_at: Instant::from_micros(0),
-            awaited: None,
-        }
+    pub fn new(local_echo: bool) -> Self {
+        Self { local_echo, ..Self::default() }
     }
 
     /// From now on the frames of these protocols are found.

@@ -123,7 +123,7 @@ struct InFlight {
 }
 
 impl Bus {
-    pub const fn new(index: u8, port: BusPort) -> Self {
+    pub fn new(index: u8, port: BusPort) -> Self {
         let local_echo = match port.kind {
             BusPortKind::Can => false,
             BusPortKind::Rs485 { local_echo } => local_echo,
@@ -136,7 +136,7 @@ impl Bus {
             state: BusState::Unconfigured,
             transmit_errors: 0,
             receive_errors: 0,
-            counters: NO_COUNTS,
+            counters: BusCounters::default(),
             in_flight: [None; TRANSMIT_SLOTS],
             line: Line::new(local_echo),
             active_at: Instant::from_micros(0),
@@ -491,15 +491,3 @@ pub fn bits_at(bits: u64, bitrate: u32) -> Duration {
     };
     Duration::from_micros(us)
 }
-
-const NO_COUNTS: BusCounters = BusCounters {
-    transmitted: 0,
-    received: 0,
-    unmatched: 0,
-    late: 0,
-    rejected: 0,
-    receive_overflows: 0,
-    missed_acknowledgements: 0,
-    cancelled: 0,
-    bus_offs: 0,
-};
