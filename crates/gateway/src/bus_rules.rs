@@ -1,8 +1,9 @@
 //! What a bus may be configured with: every check that needs no more than its port. The gateway
 //! makes them, and a program may before it asks.
 
+use crate::filled::filled;
 use crate::protocol::Info;
-use host_protocol::{BusConfig, BusKind, Error, MAX_BITRATES, Protocol, Quantity, REPLY_WINDOW_US};
+use host_protocol::{BusConfig, BusKind, Error, Protocol, Quantity, REPLY_WINDOW_US};
 
 /// Refuses a configuration that no gateway would take for a bus of this kind with these bitrates,
 /// whatever is on it.
@@ -36,11 +37,7 @@ pub fn check_bus_config(
 
 /// A bitrate that a bus cannot have, and those that it can.
 pub(crate) fn not_offered(bus: u8, bitrate: u32, rates: impl Iterator<Item = u32>) -> Error {
-    let mut offered = [0; MAX_BITRATES];
-    for (place, rate) in offered.iter_mut().zip(rates) {
-        *place = rate;
-    }
-    Error::BitrateNotOffered { bus, bitrate, offered }
+    Error::BitrateNotOffered { bus, bitrate, offered: filled(rates) }
 }
 
 /// Which protocol runs on which kind of bus.

@@ -1,5 +1,6 @@
 //! The configuration of one axis: the values set, and what each means to the core.
 
+use crate::filled::filled;
 use crate::time::Duration;
 use core::num::NonZeroU64;
 use core::ops::Range;
@@ -149,14 +150,10 @@ impl AxisConfig {
 
     /// Which parameters are set, then the bits of each.
     pub fn to_words(&self) -> [u32; Self::WORDS] {
-        let mut words = [0; Self::WORDS];
         #[allow(clippy::cast_possible_truncation)]
         let set = [self.set as u32, (self.set >> u32::BITS) as u32];
         let values = (0..PARAMETERS).map(|place| self.bits(place).unwrap_or(0));
-        for (word, value) in words.iter_mut().zip(set.into_iter().chain(values)) {
-            *word = value;
-        }
-        words
+        filled(set.into_iter().chain(values))
     }
 
     /// A configuration from its words, each value checked as if it came from a host.

@@ -1,6 +1,7 @@
 //! The last trips and starts (GUARANTEES G8).
 
 use crate::each::Each;
+use crate::filled::filled;
 use crate::set::Set;
 use host_protocol::replies::{IncidentPage, MAX_INCIDENTS};
 use host_protocol::{Incident, MaxSize, TripReason, Vec};
@@ -138,15 +139,8 @@ fn to_words(ordinal: u32, incident: &Incident) -> [u32; INCIDENT_WORDS] {
     let mut bytes = [0; (INCIDENT_WORDS - 1) * WORD];
     // It fits: MAX_SIZE is the bound of what postcard writes.
     let _ = postcard::to_slice(incident, &mut bytes);
-    let mut words = [0; INCIDENT_WORDS];
     let (chunks, _) = bytes.as_chunks::<WORD>();
-    for (word, value) in words
-        .iter_mut()
-        .zip(core::iter::once(ordinal).chain(chunks.iter().map(|c| u32::from_le_bytes(*c))))
-    {
-        *word = value;
-    }
-    words
+    filled(core::iter::once(ordinal).chain(chunks.iter().map(|c| u32::from_le_bytes(*c))))
 }
 
 fn from_words(words: &[u32]) -> Option<(u32, Incident)> {

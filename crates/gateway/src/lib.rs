@@ -12,6 +12,7 @@ mod bus;
 mod bus_rules;
 mod config;
 mod each;
+mod filled;
 mod gateway;
 mod history;
 mod link;

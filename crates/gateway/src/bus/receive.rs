@@ -4,6 +4,7 @@ use super::Bus;
 use super::line::Heard;
 use crate::axes::Axes;
 use crate::axis::{Axis, Is, Reception};
+use crate::filled::filled;
 use crate::outbox::Outbox;
 use crate::protocol::{self, Received, Unasked};
 use crate::time::Instant;
@@ -118,12 +119,8 @@ impl Bus {
 
 /// Tells the hosts what the motor of an axis has sent unasked.
 fn tell(axis: u8, data: &[u8], unreported: u16, out: &mut Outbox<'_>) {
-    let mut notice = [0; MAX_CAN_DATA];
-    for (place, byte) in notice.iter_mut().zip(data) {
-        *place = *byte;
-    }
     let length = u8::try_from(data.len()).unwrap_or(u8::MAX);
-    out.event(&Event::MotorNotice { axis, data: notice, length, unreported });
+    out.event(&Event::MotorNotice { axis, data: filled(data.iter().copied()), length, unreported });
 }
 
 /// Whether a frame of this bus comes from the axis's motor: from its node, or from the new one

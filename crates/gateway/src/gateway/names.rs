@@ -5,6 +5,7 @@ use super::Gateway;
 use super::requests::Result;
 use super::stored::{AXIS_ROWS, BUS_ROWS, STORED_ROWS};
 use crate::each::Each;
+use crate::filled::filled;
 use core::fmt;
 use core::ops::Range;
 use heapless::Vec;
@@ -83,13 +84,8 @@ impl fmt::Debug for Names {
 
 /// The words of a name, or of none.
 pub(crate) fn words_of(name: Option<&str>) -> NameWords {
-    let mut words = NameWords::default();
-    for (word, bytes) in words.iter_mut().zip(name.unwrap_or("").as_bytes().chunks(4)) {
-        let mut filled = [0; 4];
-        filled.iter_mut().zip(bytes).for_each(|(to, byte)| *to = *byte);
-        *word = u32::from_le_bytes(filled);
-    }
-    words
+    let bytes = name.unwrap_or("").as_bytes().chunks(size_of::<u32>());
+    filled(bytes.map(|bytes| u32::from_le_bytes(filled(bytes.iter().copied()))))
 }
 
 /// The name that words are; nothing where they are none.

@@ -20,6 +20,7 @@ pub use layout::RETAINED_WORDS;
 use crate::axis::{Axis, Is};
 use crate::bus_rules;
 use crate::config::AxisConfig;
+use crate::filled::filled;
 use crate::gateway::Gateway;
 use crate::gateway::names::{NAME_WORDS, NameWords};
 use crate::gateway::requests::Result;
@@ -412,10 +413,7 @@ impl Gateway {
 
 /// The words of an axis: its configuration, the timeout last written to its motor, its name.
 fn axis_words(axis: &Axis, name: NameWords) -> [u32; AXIS_WORDS] {
-    let all = axis.config.to_words().into_iter().chain([axis.told_word()]).chain(name);
-    let mut words = [0; AXIS_WORDS];
-    words.iter_mut().zip(all).for_each(|(word, value)| *word = value);
-    words
+    filled(axis.config.to_words().into_iter().chain([axis.told_word()]).chain(name))
 }
 
 fn axis_from_words(words: &[u32]) -> Option<(AxisConfig, u32, &[u32])> {

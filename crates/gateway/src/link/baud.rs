@@ -1,7 +1,8 @@
 //! The rate of a host link on a UART: what its host has asked for, until nothing valid is heard.
 
 use super::SILENCE_US;
-use host_protocol::{DEFAULT_BAUD, Error, MAX_BITRATES};
+use crate::filled::filled;
+use host_protocol::{DEFAULT_BAUD, Error};
 use serde::{Deserialize, Serialize};
 
 /// So often in a row something unreadable comes before the host counts as lost at this rate.
@@ -53,8 +54,7 @@ impl Baud {
             return Err(Error::LinkHasNoBaud {});
         }
         if !offers.contains(&baud) {
-            let mut offered = [0; MAX_BITRATES];
-            offered.iter_mut().zip(offers).for_each(|(to, offer)| *to = *offer);
+            let offered = filled(offers.iter().copied());
             return Err(Error::BaudNotOffered { baud, offered });
         }
         self.next = Some(baud);

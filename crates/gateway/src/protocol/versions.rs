@@ -2,6 +2,7 @@
 //! docs/rmd-dialects.md).
 
 use super::rmd;
+use crate::filled::filled;
 use crate::measured::Versions;
 use host_protocol::replies::{MAX_VERSION_ANSWERS, Recognition, VersionAnswer};
 use host_protocol::{Agreement, MAX_CAN_DATA};
@@ -36,8 +37,7 @@ impl Evidence {
     /// The answer to a read the first time that it is asked: no versions where there was none.
     pub fn first(&mut self, read: u8, data: &[u8], versions: Versions) {
         if let Some(told) = self.0.get_mut(usize::from(read)) {
-            *told = Told { versions, ..Told::NOTHING };
-            told.answer.iter_mut().zip(data).for_each(|(place, byte)| *place = *byte);
+            *told = Told { answer: filled(data.iter().copied()), versions, ..Told::NOTHING };
         }
     }
 
