@@ -216,6 +216,12 @@ impl Axis {
         !matches!(self.state, State::Unconfigured)
     }
 
+    /// Why one that is not configured does nothing: a parameter that it needs.
+    pub fn not_configured(&self) -> Error {
+        let parameter = self.config.missing().map_or(0, AxisParameter::number);
+        Error::NotConfigured { axis: self.index, parameter }
+    }
+
     /// Whether it is configured and nothing moves or may, the motor's output on or off.
     pub fn is_idle_or_holding(&self) -> bool {
         matches!(self.state, State::Idle | State::Holding)

@@ -356,10 +356,7 @@ impl Gateway {
     fn read_state(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         let axis = self.axis(index)?;
         match axis.state() {
-            AxisState::Unconfigured => {
-                let missing = axis.config.missing().map_or(0, AxisParameter::number);
-                Err(Error::NotConfigured { axis: index, parameter: missing })
-            }
+            AxisState::Unconfigured => Err(axis.not_configured()),
             AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active => {
                 self.ready_bus(axis)?;
                 self.start(now, index, JobKind::ReadState, ticket)
@@ -377,10 +374,7 @@ impl Gateway {
     fn recognise(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         let axis = self.axis(index)?;
         match (axis.state(), axis.config.protocol()) {
-            (AxisState::Unconfigured, _) | (_, None) => {
-                let missing = axis.config.missing().map_or(0, AxisParameter::number);
-                Err(Error::NotConfigured { axis: index, parameter: missing })
-            }
+            (AxisState::Unconfigured, _) | (_, None) => Err(axis.not_configured()),
             (_, Some(protocol)) if !axis.can(Exchange::Version(0)) => {
                 Err(Error::Unsupported { axis: index, protocol })
             }
@@ -412,10 +406,8 @@ impl Gateway {
         match target {
             StopTarget::Axis(index) => {
                 let axis = self.axis(index)?;
-                if let (AxisState::Unconfigured, Some(missing)) =
-                    (axis.state(), axis.config.missing())
-                {
-                    return Err(Error::NotConfigured { axis: index, parameter: missing.number() });
+                if !axis.is_configured() {
+                    return Err(axis.not_configured());
                 }
                 // On a bus that is off it is owed until that is back.
                 if axis.is_idle_or_holding() {
@@ -446,10 +438,7 @@ impl Gateway {
         let axis = self.axis(index)?;
         match (axis.state(), axis.trip_reason()) {
             (AxisState::Idle | AxisState::Holding, _) => {}
-            (AxisState::Unconfigured, _) => {
-                let parameter = axis.config.missing().map_or(0, AxisParameter::number);
-                return Err(Error::NotConfigured { axis: index, parameter });
-            }
+            (AxisState::Unconfigured, _) => return Err(axis.not_configured()),
             (AxisState::Tripped { .. }, Some(reason)) => {
                 return Err(Error::Tripped { axis: index, reason });
             }

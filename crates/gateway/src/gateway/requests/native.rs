@@ -47,8 +47,7 @@ impl Gateway {
     fn decode(&self, request: &requests::Native) -> Result<Native> {
         let axis = self.axis(request.axis)?;
         if !axis.is_configured() {
-            let parameter = axis.config.missing().map_or(0, AxisParameter::number);
-            return Err(Error::NotConfigured { axis: request.axis, parameter });
+            return Err(axis.not_configured());
         }
         let kind = self.bus(axis.config.bus().unwrap_or(u8::MAX))?.kind();
         protocol::native(request.axis, &request.data, kind, &axis.config)

@@ -131,10 +131,7 @@ impl Gateway {
             let index = axis.index;
             match axis.state() {
                 AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active => {}
-                AxisState::Unconfigured => {
-                    let parameter = axis.config.missing().map_or(0, |missing| missing.number());
-                    return Err(Error::NotConfigured { axis: index, parameter });
-                }
+                AxisState::Unconfigured => return Err(axis.not_configured()),
                 state => return Err(Error::NotIdle { axis: index, state }),
             }
             if axis.is_busy_with_more_than_a_question() {
