@@ -12,7 +12,7 @@ impl Axis {
         seen: &Observation,
     ) -> Result<(), Error> {
         let axis = self.index;
-        match self.job.as_ref().map(|job| job.kind) {
+        match self.job_kind() {
             Some(JobKind::Arm { .. }) => self.check_arming_step(exchange, seen),
             Some(JobKind::Clear | JobKind::Restart(_)) => {
                 match (self.barring(seen), seen.velocity_rad_s, self.trip_reason()) {

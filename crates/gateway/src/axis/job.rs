@@ -181,20 +181,24 @@ impl Axis {
     /// Ends a job that only asks, for one that does something: nobody who looks on may keep others
     /// from acting.
     pub fn make_way(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if self.job.as_ref().is_some_and(|job| job.kind.only_asks()) {
+        if self.job_kind().is_some_and(JobKind::only_asks) {
             self.interrupt(now, Error::Busy { axis: self.index }, out);
         }
     }
 
     /// Whether a job is under way that does not make way for another.
     pub fn is_busy_with_more_than_a_question(&self) -> bool {
-        self.job.as_ref().is_some_and(|job| !job.kind.only_asks())
+        self.job_kind().is_some_and(|kind| !kind.only_asks())
     }
 
     /// Whether the axis is being armed in this epoch.
     pub fn is_arming_in(&self, epoch: u32) -> bool {
-        let arms = |kind| matches!(kind, JobKind::Arm { epoch: of, .. } if of == epoch);
-        self.job.as_ref().is_some_and(|job| arms(job.kind))
+        matches!(self.job_kind(), Some(JobKind::Arm { epoch: of, .. }) if of == epoch)
+    }
+
+    /// What the job under way is for.
+    pub(super) fn job_kind(&self) -> Option<JobKind> {
+        self.job.as_ref().map(|job| job.kind)
     }
 
     /// Whether a job of any kind is under way.
@@ -209,7 +213,7 @@ impl Axis {
 
     /// The native command of the job.
     pub(super) fn native_command(&self) -> Option<Command> {
-        match self.job.as_ref()?.kind {
+        match self.job_kind()? {
             JobKind::Native { command, .. } | JobKind::Prepare { command } => Some(command),
             _ => None,
         }
@@ -217,9 +221,8 @@ impl Axis {
 
     /// A newer setpoint takes the place of a motion whose result is still owed.
     pub(super) fn supersede(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        let moves =
-            |job: &Job| matches!(job.kind, JobKind::NativeMotion | JobKind::MoveRelative { .. });
-        if self.job.as_ref().is_some_and(moves) {
+        let kind = self.job_kind();
+        if matches!(kind, Some(JobKind::NativeMotion | JobKind::MoveRelative { .. })) {
             self.fail(now, Error::Superseded { axis: self.index }, out);
         }
     }
@@ -374,7 +377,7 @@ impl Axis {
 
     /// Ends the job because a stop needs the motor. Who only reads is told what is known.
     pub(super) fn interrupt(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
-        if self.job.as_ref().is_some_and(|job| job.kind == JobKind::ReadState) {
+        if self.job_kind() == Some(JobKind::ReadState) {
             self.finish(now, &Observation::default(), &[], out);
         } else {
             self.fail(now, error, out);
@@ -383,11 +386,7 @@ impl Axis {
 
     /// Ends a clearing, for a stop that a host has asked for since.
     pub(super) fn give_up_clearing(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if self
-            .job
-            .as_ref()
-            .is_some_and(|job| matches!(job.kind, JobKind::Clear | JobKind::Restart(_)))
-        {
+        if matches!(self.job_kind(), Some(JobKind::Clear | JobKind::Restart(_))) {
             self.fail(now, Error::Busy { axis: self.index }, out);
         }
     }
@@ -417,7 +416,7 @@ impl Axis {
 
     /// The last step is done: `seen` and `data` are what its reply told.
     fn finish(&mut self, now: Instant, seen: &Observation, data: &[u8], out: &mut Outbox<'_>) {
-        let Some(kind) = self.job.as_ref().map(|job| job.kind) else { return };
+        let Some(kind) = self.job_kind() else { return };
         match kind {
             // It waits for the others.
             JobKind::Prepare { .. } | JobKind::StandBy { .. } => {}

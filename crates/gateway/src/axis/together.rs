@@ -54,8 +54,4 @@ impl Axis {
             self.job = None;
         }
     }
-
-    fn job_kind(&self) -> Option<JobKind> {
-        self.job.as_ref().map(|job| job.kind)
-    }
 }
