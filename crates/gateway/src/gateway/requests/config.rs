@@ -105,7 +105,7 @@ impl Gateway {
         draft.exchange(axes, buses, names);
         if let Err(error) = self.check_changed().and_then(|()| self.check_names()) {
             let Self { draft, axes, buses, names, .. } = self;
-            draft.exchange_back(axes, buses, names);
+            draft.exchange(axes, buses, names);
             return Err(error);
         }
         self.take_changes_over(now, &reach);

@@ -201,24 +201,11 @@ impl Draft {
         config
     }
 
-    /// Gives axes and buses their new configuration and names, and keeps those of before.
+    /// Gives axes and buses their new configuration and names, and keeps those of before, the last
+    /// one first: another exchange takes this one back.
     pub fn exchange(&mut self, axes: &mut Axes, buses: &mut [Tracked<Bus>], names: &mut Names) {
         self.parameters.iter_mut().for_each(|entry| exchange(entry, axes, names));
-        self.exchange_buses(buses);
-    }
-
-    /// Takes an exchange back.
-    pub fn exchange_back(
-        &mut self,
-        axes: &mut Axes,
-        buses: &mut [Tracked<Bus>],
-        names: &mut Names,
-    ) {
-        self.parameters.iter_mut().rev().for_each(|entry| exchange(entry, axes, names));
-        self.exchange_buses(buses);
-    }
-
-    fn exchange_buses(&mut self, buses: &mut [Tracked<Bus>]) {
+        self.parameters.reverse();
         for (change, bus) in self.buses.iter_mut().zip(buses) {
             if let Some(config) = change {
                 bus.exchange_config(config);
