@@ -106,7 +106,7 @@ fn row_of(of: Subject) -> usize {
     }
 }
 
-fn subject_of(row: usize) -> Subject {
+pub(super) fn subject_of(row: usize) -> Subject {
     let number = |first: usize| u8::try_from(row.saturating_sub(first)).unwrap_or(u8::MAX);
     if AXIS_ROWS.contains(&row) {
         Subject::Axis(number(AXIS_ROWS.start))

@@ -4,7 +4,10 @@
 //! Whoever runs the core keeps the bytes; the core does not know where.
 
 use super::Gateway;
+use super::names::subject_of;
 use super::requests::{Authority, Result};
+use crate::axis::Axis;
+use crate::bus::Bus;
 use crate::outbox::Ticket;
 use crate::port::{Found, Save, SaveError};
 use crate::set::Set;
@@ -159,36 +162,32 @@ impl Gateway {
     /// where nothing is set.
     pub fn stored_row(&self, row: usize, out: &mut [u8; MAX_STORED_ROW]) -> usize {
         let mut length = 0;
-        let of;
         let mut add = |change: Change| {
             let rest = out.get_mut(length..).unwrap_or_default();
             length += postcard::to_slice(&change, rest).map_or(0, |bytes| bytes.len());
         };
-        if row < BUS_ROWS.start {
-            of = Some(Subject::Gateway);
-            let parameter = GatewayParameter::LinkSilenceUs.number();
-            if let Ok(value) = self.gateway_parameter(parameter) {
-                add(Change::Gateway { parameter, value });
+        let of = subject_of(row);
+        match of {
+            Subject::Gateway => {
+                let parameter = GatewayParameter::LinkSilenceUs.number();
+                if let Ok(value) = self.gateway_parameter(parameter) {
+                    add(Change::Gateway { parameter, value });
+                }
             }
-        } else if row < AXIS_ROWS.start {
-            let bus = self.buses.get(row - BUS_ROWS.start);
-            of = bus.map(|bus| Subject::Bus(bus.index()));
-            if let Some((bus, config)) = bus.and_then(|bus| Some((bus, bus.config()?))) {
-                add(Change::Bus { bus: bus.index(), config: Some(*config) });
+            Subject::Bus(bus) => {
+                if let Some(config) = self.bus(bus).ok().and_then(Bus::config) {
+                    add(Change::Bus { bus, config: Some(*config) });
+                }
             }
-        } else if let Some(axis) = self.axes.get(row - AXIS_ROWS.start) {
-            of = Some(Subject::Axis(axis.index));
-            let set = AxisParameter::ALL.iter().filter(|parameter| axis.config.is_set(**parameter));
-            for parameter in set {
-                let value = axis.config.get(*parameter);
-                add(Change::Axis { axis: axis.index, parameter: parameter.number(), value });
+            Subject::Axis(axis) => {
+                let Ok(Axis { config, .. }) = self.axis(axis) else { return 0 };
+                for parameter in AxisParameter::ALL.iter().filter(|one| config.is_set(**one)) {
+                    let (parameter, value) = (parameter.number(), config.get(*parameter));
+                    add(Change::Axis { axis, parameter, value });
+                }
             }
-        } else {
-            of = None;
         }
-        if let Some(of) = of
-            && let Some(name) = self.name_of(of)
-        {
+        if let Some(name) = self.name_of(of) {
             add(Change::Name { of, name: Some(name) });
         }
         length
