@@ -31,7 +31,7 @@ use crate::outbox::Outbox;
 use crate::port::Store;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
-use crate::{MAX_AXES, MAX_BUSES};
+use crate::{MAX_AXES_WIRE, MAX_BUSES};
 use host_protocol::{BusConfig, Change, Incident, ProtocolSet, Subject, TripReason};
 use layout::{Place, SLOTS, WRITING_AT};
 use serde::{Deserialize, Serialize};
@@ -336,13 +336,9 @@ impl Gateway {
     }
 
     fn restore_buses(&mut self, now: Instant, words: &[u32]) {
-        for index in 0..MAX_BUSES {
-            let payload = self.retention.read(Place::Bus(index), words);
-            let (Some((config, name)), Ok(bus)) =
-                (payload.and_then(bus_from_words), u8::try_from(index))
-            else {
-                continue;
-            };
+        for bus in (0u8..).take(MAX_BUSES) {
+            let payload = self.retention.read(Place::Bus(bus.into()), words);
+            let Some((config, name)) = payload.and_then(bus_from_words) else { continue };
             // One that this firmware refuses is left unconfigured, and its axes with it.
             if self.restore_unserved(bus, config).is_none() {
                 let _ = self.change(now, &Change::Bus { bus, config: Some(config) });
@@ -366,10 +362,9 @@ impl Gateway {
     }
 
     fn restore_axes(&mut self, words: &[u32]) {
-        for index in 0..MAX_AXES {
-            let payload = self.retention.read(Place::Axis(index), words);
-            let known = payload.and_then(axis_from_words);
-            if let (Some((config, timeout_ms, name)), Ok(axis)) = (known, u8::try_from(index)) {
+        for axis in 0..MAX_AXES_WIRE {
+            let payload = self.retention.read(Place::Axis(axis.into()), words);
+            if let Some((config, timeout_ms, name)) = payload.and_then(axis_from_words) {
                 self.restore_axis(axis, config, timeout_ms);
                 self.restore_name(Subject::Axis(axis), name);
             }
