@@ -473,7 +473,7 @@ impl Gateway {
         self.authority.holder = None;
         self.draft.close();
         self.stop_running();
-        self.close_all_raw(now);
+        self.close_raw(now, true);
         self.stop_many(now, self.axes.which(Is::Configured), why);
         self.outbox(now).event(&Event::AuthorityLost { reason });
     }

@@ -92,20 +92,15 @@ impl Gateway {
     pub(crate) fn close_barred_raw(&mut self, now: Instant) {
         // Mostly none is open, and this is asked at every event.
         if self.buses.iter().any(|bus| bus.raw.is_some()) {
-            self.close_raw(now, |gateway, bus, unsafe_access| {
-                gateway.refuse_raw(bus, unsafe_access).is_err()
-            });
+            self.close_raw(now, false);
         }
     }
 
-    pub(crate) fn close_all_raw(&mut self, now: Instant) {
-        self.close_raw(now, |_, _, _| true);
-    }
-
-    fn close_raw(&mut self, now: Instant, closes: impl Fn(&Self, u8, bool) -> bool) {
+    /// Closes those, or all.
+    pub(crate) fn close_raw(&mut self, now: Instant, all: bool) {
         while let Some(bus) = self.buses.iter().find(|bus| {
-            let closes = |unsafe_access| closes(self, bus.index(), unsafe_access);
-            bus.raw.as_ref().is_some_and(|raw| closes(raw.is_unsafe() || bus.is_borrowed()))
+            let refused = |access| self.refuse_raw(bus.index(), access).is_err();
+            bus.raw.as_ref().is_some_and(|raw| all || refused(raw.is_unsafe() || bus.is_borrowed()))
         }) {
             let index = bus.index();
             self.end_raw(now, index);
