@@ -508,15 +508,16 @@ impl Gateway {
         Ok(act(axis, &mut Outbox::new(now, links)))
     }
 
-    /// Calls `act` with every axis that is configured.
+    /// Calls `act` with each axis of a set and the way to the hosts.
     pub(crate) fn each_axis(
         &mut self,
         now: Instant,
+        set: Set,
         mut act: impl FnMut(&mut Axis, &mut Outbox<'_>),
     ) {
         let Self { axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
-        axes.each(axes.which(Is::Configured), |axis| act(axis, &mut out));
+        axes.each(set, |axis| act(axis, &mut out));
     }
 
     pub(crate) fn on_bus(

@@ -81,7 +81,7 @@ impl Gateway {
             self.arming = None;
             // One that was refused has said why, and this comes too late.
             self.outbox(now).answer(ticket, Err(Error::ArmingAborted { axis, state }));
-            self.each_axis(now, |axis, out| {
+            self.each_axis(now, axes, |axis, out| {
                 if axis.is_arming_in(epoch) || axis.is_armed_in(epoch) {
                     axis.disarm(now, out);
                 }

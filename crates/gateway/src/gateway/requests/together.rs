@@ -34,12 +34,8 @@ pub(crate) struct Together {
 }
 
 impl Together {
-    fn is_member(&self, axis: &Axis) -> bool {
-        self.members.has(axis.index)
-    }
-
-    fn concerns(&self, axis: &Axis) -> bool {
-        self.members.with(self.others).has(axis.index)
+    fn all(&self) -> Set {
+        self.members.with(self.others)
     }
 
     pub fn deadline(&self) -> Option<Instant> {
@@ -50,9 +46,8 @@ impl Together {
 impl Gateway {
     /// Whether motors of this bus are about to start together.
     pub(crate) fn starts_together_on(&self, bus: u8) -> bool {
-        self.together.is_some_and(|together| {
-            self.axes.iter().any(|axis| together.concerns(axis) && axis.config.bus() == Some(bus))
-        })
+        let all = self.together.map_or(Set::NONE, |together| together.all());
+        self.axes.of(all).any(|axis| axis.config.bus() == Some(bus))
     }
 
     pub(crate) fn start_together(
@@ -91,7 +86,7 @@ impl Gateway {
             {
                 return Err(Error::Unsupported { axis: index, protocol });
             }
-            if together.is_member(axis) {
+            if together.members.has(index) {
                 return barred(index, TogetherBar::Twice);
             }
             if axis.config.bus() != Some(bus_index) {
@@ -112,7 +107,7 @@ impl Gateway {
                 Setpoint::Velocity { velocity_rad_s: member.velocity_rad_s },
                 &axis.config,
             )?;
-            together.members.add(Set::of(axis.index));
+            together.members.add(Set::of(index));
             together.expires = together.expires.into_iter().chain(expires).min();
         }
         let bus = self.bus(bus_index)?;
@@ -125,7 +120,7 @@ impl Gateway {
         }
         for axis in self.axes.iter().filter(|axis| axis.config.bus() == Some(bus_index)) {
             let obeys = Info::of_axis(&axis.config).is_some_and(|info| info.starts_together);
-            if together.is_member(axis) || !obeys {
+            if together.members.has(axis.index) || !obeys {
                 continue;
             }
             let index = axis.index;
@@ -147,11 +142,9 @@ impl Gateway {
                 axis.start(now, JobKind::Prepare { command }, ticket, out);
             })?;
         }
-        self.each_axis(now, |axis, out| {
-            if together.others.has(axis.index) {
-                let clears = axis.state() != AxisState::Active;
-                axis.start(now, JobKind::StandBy { clears }, ticket, out);
-            }
+        self.each_axis(now, together.others, |axis, out| {
+            let clears = axis.state() != AxisState::Active;
+            axis.start(now, JobKind::StandBy { clears }, ticket, out);
         });
         self.together = Some(together);
         Ok(())
@@ -160,8 +153,7 @@ impl Gateway {
     /// Goes on with a start under way, or gives it up: after everything that happens.
     pub(crate) fn go_on_together(&mut self, now: Instant) {
         let Some(together) = self.together else { return };
-        let mut concerned = self.axes.iter().filter(|axis| together.concerns(axis));
-        if !concerned.clone().all(Axis::takes_part) {
+        if !self.axes.of(together.all()).all(Axis::takes_part) {
             // An axis that does not any more has said why.
             return self.give_up_together(now, None);
         }
@@ -170,18 +162,17 @@ impl Gateway {
             return self.give_up_together(now, Some(Error::Stale { now_us, expires_at_us }));
         }
         if !together.executes {
-            if concerned.all(Axis::has_taken_part) {
+            if self.axes.of(together.all()).all(Axis::has_taken_part) {
                 self.execute_together(now, together);
             }
             return;
         }
-        let leader = self.axes.iter().find(|axis| together.is_member(axis));
-        if leader.is_some_and(Axis::has_executed) {
+        if self.axes.of(together.members.lowest()).any(Axis::has_executed) {
             self.together = None;
-            self.each_axis(now, |axis, out| {
-                if together.is_member(axis) {
+            self.each_axis(now, together.all(), |axis, out| {
+                if together.members.has(axis.index) {
                     axis.follow(now, together.expires, out);
-                } else if together.concerns(axis) {
+                } else {
                     axis.stand_down();
                 }
             });
@@ -194,10 +185,8 @@ impl Gateway {
     /// All is prepared: the first of the axes sends what starts them.
     fn execute_together(&mut self, now: Instant, together: Together) {
         self.together = Some(Together { executes: true, ..together });
-        let leader = self.axes.iter().find(|axis| together.is_member(axis)).map(|axis| axis.index);
-        if let Some(leader) = leader {
-            let _ = self.with_axis(now, leader, |axis, out| axis.lead(now, together.expires, out));
-        }
+        let leader = together.members.lowest();
+        self.each_axis(now, leader, |axis, out| axis.lead(now, together.expires, out));
     }
 
     /// Stops every axis in whose motor a speed may wait.
@@ -206,12 +195,9 @@ impl Gateway {
         if let Some(error) = error {
             self.outbox(now).answer(together.ticket, Err(error));
         }
-        self.each_axis(now, |axis, out| {
-            if !together.concerns(axis) {
-                return;
-            }
+        self.each_axis(now, together.all(), |axis, out| {
             axis.stand_down();
-            if together.is_member(axis) && axis.is_armed() {
+            if together.members.has(axis.index) && axis.is_armed() {
                 axis.halt(now, out);
             }
         });
