@@ -5,7 +5,7 @@
 
 use crate::config::AxisConfig;
 use crate::measured::Observation;
-use crate::protocol::{self, Command, Exchange, Received, Unasked, Verdict};
+use crate::protocol::{self, Command, Exchange, Outcome, Received, Unasked};
 use crate::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
@@ -44,23 +44,10 @@ enum Stage {
     Late { until: Instant },
 }
 
-/// How a request ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Outcome {
-    /// The motor has answered, or has got a request that it does not answer.
-    Answered(Observation),
-    /// The motor refuses it.
-    Refused,
-    /// The motor has thrown it back: received, not carried out.
-    Echoed,
-    /// No reply came within its window, or its frame did not leave.
-    NoReply,
-}
-
 /// What a received frame is to the requests of an axis.
 pub(crate) enum Match {
     /// The reply to a request that is under way no longer.
-    Late(Option<Observation>),
+    Late,
     /// It ends the request under way.
     Ends(Transaction, Outcome),
     /// Nobody has asked.
@@ -297,25 +284,26 @@ impl Transactions {
         }
     }
 
-    /// A frame of the motor has arrived.
-    pub fn received(&mut self, now: Instant, received: &Received, config: &AxisConfig) -> Match {
+    /// A frame of the motor has arrived: what it is, and what it tells as an answer.
+    pub fn received(
+        &mut self,
+        now: Instant,
+        received: &Received,
+        config: &AxisConfig,
+        seen: &mut Observation,
+    ) -> Match {
         if received.unasked() == Unasked::Objection {
             self.objects = true;
             self.objections_due = self.objections_due.saturating_sub(1);
         }
         // What has not left cannot be answered: an answer of that kind is one that came twice.
-        if let Some(former) = self.former.as_ref().filter(|former| !former.is_with_port()) {
-            let seen = match protocol::judge(&former.command, received, config) {
-                Verdict::Unrelated => None,
-                Verdict::Answer(seen) => Some(Some(seen)),
-                _ => Some(None),
-            };
-            if let Some(seen) = seen {
-                self.former = None;
-                // The reply to what was sent in its place is still due.
-                self.owed_since = self.owed_since.filter(|_| self.is_awaited());
-                return Match::Late(seen);
-            }
+        if let Some(former) = self.former.as_ref().filter(|former| !former.is_with_port())
+            && protocol::judge(&former.command, received, config, seen).is_some()
+        {
+            self.former = None;
+            // The reply to what was sent in its place is still due.
+            self.owed_since = self.owed_since.filter(|_| self.is_awaited());
+            return Match::Late;
         }
         let objection_due = (self.objections_due > 0).then_some(now);
         let Some(current) = self.current.as_ref().filter(|current| current.is_awaited()) else {
@@ -323,11 +311,8 @@ impl Transactions {
             self.owed_since = objection_due;
             return Match::Unasked;
         };
-        let outcome = match protocol::judge(&current.command, received, config) {
-            Verdict::Unrelated => return Match::Unasked,
-            Verdict::Answer(seen) => Outcome::Answered(seen),
-            Verdict::Refused => Outcome::Refused,
-            Verdict::NotExecuted => Outcome::Echoed,
+        let Some(outcome) = protocol::judge(&current.command, received, config, seen) else {
+            return Match::Unasked;
         };
         self.owed_since = objection_due;
         self.current.take().map_or(Match::Unasked, |current| Match::Ends(current, outcome))

@@ -26,7 +26,6 @@ mod version;
 
 pub(crate) use job::{Job, JobKind};
 pub(crate) use look::{Is, Look};
-pub(crate) use outcome::Reception;
 pub(crate) use part::{PERIOD_US, Waits};
 pub(crate) use polls::{Priority, Request};
 pub(crate) use restart::Restart;

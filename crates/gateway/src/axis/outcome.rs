@@ -4,9 +4,9 @@ use super::Axis;
 use super::state::State;
 use crate::measured::Observation;
 use crate::outbox::Outbox;
-use crate::protocol::{self, Command, Exchange, Info, Received, Sets, Unasked};
+use crate::protocol::{self, Command, Exchange, Info, Outcome, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
-use crate::transaction::{Match, MotionMark, Outcome, Transaction};
+use crate::transaction::{Match, MotionMark, Transaction};
 use host_protocol::{CycleResult, Error, TripReason};
 use serde::{Deserialize, Serialize};
 
@@ -40,17 +40,6 @@ impl Silence {
     }
 }
 
-/// What a frame was to the axis it came for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Reception {
-    /// It answered the request under way.
-    Answer,
-    /// It answered a request that a stop had preempted.
-    Late,
-    /// Nobody had asked.
-    Unasked,
-}
-
 impl Axis {
     /// The bus has taken what the axis wanted.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
@@ -81,7 +70,7 @@ impl Axis {
             }
         }
         if self.transactions.is_idle() {
-            self.answered(now, &request, Observation::default(), &[], out);
+            self.answered(now, &request, &Observation::default(), &[], out);
         }
     }
 
@@ -163,32 +152,29 @@ impl Axis {
         }
     }
 
-    /// A frame of the axis's motor with this data field has arrived. Returns whether it answered
-    /// something.
+    /// A frame of the axis's motor with this data field has arrived. Returns what it is, if it does
+    /// not end the request under way.
     pub fn received(
         &mut self,
         now: Instant,
         received: &Received,
         data: &[u8],
         out: &mut Outbox<'_>,
-    ) -> Reception {
+    ) -> Option<Unasked> {
         self.heard(now);
-        let (request, outcome) = match self.transactions.received(now, received, &self.config) {
+        let mut seen = Observation::default();
+        let found = self.transactions.received(now, received, &self.config, &mut seen);
+        let (request, outcome) = match found {
             Match::Ends(request, outcome) => (request, outcome),
-            Match::Late(seen) => {
-                if let Some(seen) = seen {
-                    self.late_speed(&seen);
-                }
-                return Reception::Late;
+            Match::Late => {
+                self.late_speed(&seen);
+                return Some(Unasked::Late);
             }
-            Match::Unasked => {
-                self.unasked(now, received, out);
-                return Reception::Unasked;
-            }
+            Match::Unasked => return Some(self.unasked(now, received, out)),
         };
         self.silence = Silence::NONE;
         match outcome {
-            Outcome::Answered(seen) => self.answered(now, &request, seen, data, out),
+            Outcome::Answered => self.answered(now, &request, &seen, data, out),
             Outcome::Refused => self.refused(now, &request, out),
             Outcome::Echoed if request.exchange == Exchange::Motion => {
                 if let Some(armed) = self.armed_mut() {
@@ -198,7 +184,7 @@ impl Axis {
             }
             _ => {}
         }
-        Reception::Answer
+        None
     }
 
     /// A request was given up: its window has closed, or its frame cannot leave.
@@ -232,7 +218,7 @@ impl Axis {
             self.state_poll_at = now + SILENT_POLL;
         }
         if request.is_awaited() {
-            self.stop_goes_on(now, request, &Outcome::NoReply, out);
+            self.stop_goes_on(now, request, Outcome::NoReply, &Observation::default(), out);
         }
         self.job_unanswered(now, request, out);
     }
@@ -241,7 +227,7 @@ impl Axis {
         &mut self,
         now: Instant,
         request: &Transaction,
-        seen: Observation,
+        seen: &Observation,
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
@@ -253,17 +239,17 @@ impl Axis {
             // It may have been the reply to the one before: then its own is still to come.
             self.transactions.may_be_answered_late(now, &request.command, &self.config);
         }
-        self.observe(now, &seen, out);
+        self.observe(now, seen, out);
         if let (Some(run_time_ms), Some(asked)) = (seen.run_time_ms, request.transmitted_at()) {
             self.note_run_time(now, asked, run_time_ms, out);
         }
         self.motion_over(request, result);
         self.part_over(request, result);
-        self.judge_motion(now, request, &seen, out);
+        self.judge_motion(now, request, seen, out);
         if self.stop().is_some() {
-            self.stop_goes_on(now, request, &Outcome::Answered(seen), out);
+            self.stop_goes_on(now, request, Outcome::Answered, seen, out);
         }
-        self.job_answered(now, request, &seen, data, out);
+        self.job_answered(now, request, seen, data, out);
     }
 
     /// Looks whether the motor carries the motion out. Where its reply does not tell, the speed
@@ -330,7 +316,7 @@ impl Axis {
         let faults = self.measured.fault_word();
         let error = Error::Refused { axis: self.index, faults }.number();
         self.part_over(request, CycleResult::Refused { error });
-        self.stop_goes_on(now, request, &Outcome::Refused, out);
+        self.stop_goes_on(now, request, Outcome::Refused, &Observation::default(), out);
         self.job_refused(now, request.exchange, out);
     }
 
@@ -348,14 +334,16 @@ impl Axis {
     }
 
     /// A frame nobody asked for: what it says of faults counts all the same, and of what a motor
-    /// sends by itself everything.
-    fn unasked(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) {
+    /// sends by itself everything. Returns what it is.
+    fn unasked(&mut self, now: Instant, received: &Received, out: &mut Outbox<'_>) -> Unasked {
         let seen = received.observation(&self.config);
-        let told = match received.unasked() {
+        let unasked = received.unasked();
+        let told = match unasked {
             Unasked::Telemetry(_) => seen,
             _ => Observation { faults: seen.faults, ..Observation::default() },
         };
         self.observe(now, &told, out);
+        unasked
     }
 
     /// The bus has not sent what it had taken.

@@ -6,24 +6,22 @@ use super::stop::StopEffect;
 use super::{Axis, Stop};
 use crate::measured::Observation;
 use crate::outbox::Outbox;
-use crate::protocol::Exchange;
+use crate::protocol::{Exchange, Outcome};
 use crate::time::Instant;
-use crate::transaction::{Outcome, Transaction};
+use crate::transaction::Transaction;
 use host_protocol::{AxisState, Error, Event, TripReason};
 
 impl Axis {
-    /// A request has ended while there is a stop.
+    /// A request has ended while there is a stop; `seen`: what its answer tells.
     pub(super) fn stop_goes_on(
         &mut self,
         now: Instant,
         request: &Transaction,
-        outcome: &Outcome,
+        outcome: Outcome,
+        seen: &Observation,
         out: &mut Outbox<'_>,
     ) {
-        let still = match outcome {
-            Outcome::Answered(seen) => self.still(seen),
-            _ => None,
-        };
+        let still = self.still(seen);
         let is_of_job = self.job_step() == Some(request.exchange);
         let restarts = self.is_restarting();
         let before = self.state();
@@ -34,7 +32,7 @@ impl Axis {
         };
         let was_confirmed = stop.is_confirmed();
         let effect = match outcome {
-            Outcome::Answered(seen) => stop.answered(now, request, seen, still, config),
+            Outcome::Answered => stop.answered(now, request, seen, still, config),
             Outcome::Refused => stop.refused(now, request.exchange, config),
             // A motor that restarts misses stops, and its output is off.
             Outcome::NoReply if restarts && was_confirmed => StopEffect::None,

@@ -3,7 +3,7 @@
 use super::Bus;
 use super::line::Heard;
 use crate::axes::Axes;
-use crate::axis::{Axis, Is, Reception};
+use crate::axis::{Axis, Is};
 use crate::filled::filled;
 use crate::outbox::Outbox;
 use crate::protocol::{self, Received, Unasked};
@@ -98,19 +98,15 @@ impl Bus {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) {
-        let unasked = match axis.received(now, received, data, out) {
-            Reception::Answer => return self.line.answered(),
-            Reception::Late => Unasked::Late,
-            Reception::Unasked => received.unasked(),
-        };
-        match unasked {
-            Unasked::Notice => tell(axis.index, data, 0, out),
-            Unasked::Telemetry(kind) => {
+        match axis.received(now, received, data, out) {
+            None => self.line.answered(),
+            Some(Unasked::Notice) => tell(axis.index, data, 0, out),
+            Some(Unasked::Telemetry(kind)) => {
                 if let Some(unreported) = axis.telemetry.tells(now, kind) {
                     tell(axis.index, data, unreported, out);
                 }
             }
-            Unasked::Late | Unasked::Objection => {
+            Some(Unasked::Late | Unasked::Objection) => {
                 self.counters.late = self.counters.late.saturating_add(1);
             }
         }

@@ -2,8 +2,8 @@
 
 use super::convert::DEGREES;
 use super::{
-    Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Received, Serial,
-    SerialFrame, Sets, Unasked, Verdict,
+    Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Outcome, Received,
+    Serial, SerialFrame, Sets, Unasked,
 };
 use crate::config::AxisConfig;
 use crate::measured::Observation;
@@ -341,17 +341,23 @@ fn is_answered(request: &Request, config: &AxisConfig) -> bool {
         || matches!(sets(request), Sets::AckLevel(_))
 }
 
-fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
+fn judge(
+    command: &Command,
+    received: &Received,
+    config: &AxisConfig,
+    seen: &mut Observation,
+) -> Option<Outcome> {
     let (Command::D5(request), Received::D5 { node: from, reply }) = (command, received) else {
-        return Verdict::Unrelated;
+        return None;
     };
-    let (Some(Ok(node)), Ok(from)) = (config.node().map(Node::new), Node::new(*from)) else {
-        return Verdict::Unrelated;
-    };
+    let (node, from) = (Node::new(config.node()?).ok()?, Node::new(*from).ok()?);
     match d5::answer(request, node, from, reply) {
-        Answer::Reply(reply) => Verdict::Answer(observe(&reply, config.sign())),
-        Answer::Refused(_) => Verdict::Refused,
-        _ => Verdict::Unrelated,
+        Answer::Reply(reply) => {
+            *seen = observe(&reply, config.sign());
+            Some(Outcome::Answered)
+        }
+        Answer::Refused(_) => Some(Outcome::Refused),
+        _ => None,
     }
 }
 

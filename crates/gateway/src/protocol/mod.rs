@@ -57,17 +57,17 @@ pub(crate) enum Received {
     D5 { node: u8, reply: ::d5::Reply },
 }
 
-/// What a received frame is to a command that waits for its reply.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Verdict {
-    /// It answers the command.
-    Answer(Observation),
-    /// The motor refuses the command.
+/// How a request ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// The motor has answered, or has got a request that it does not answer.
+    Answered,
+    /// The motor refuses it.
     Refused,
-    /// The motor has received the command and does not carry it out.
-    NotExecuted,
-    /// It has nothing to do with the command.
-    Unrelated,
+    /// The motor has thrown it back: received, not carried out.
+    Echoed,
+    /// No reply came within its window, or its frame did not leave.
+    NoReply,
 }
 
 /// What a received frame is that answers nothing.
@@ -189,8 +189,8 @@ pub(crate) struct Info {
     pub native: fn(u8, &[u8], &AxisConfig) -> Found<Native>,
     /// Whether the motor answers a command.
     pub is_answered: fn(&Command, &AxisConfig) -> bool,
-    /// What a frame is to a command.
-    pub judge: fn(&Command, &Received, &AxisConfig) -> Verdict,
+    /// How a frame ends a command, and what its answer tells; `None` where it does not.
+    pub judge: fn(&Command, &Received, &AxisConfig, &mut Observation) -> Option<Outcome>,
     /// What a frame tells by itself, whatever was asked.
     pub observe: fn(&Received, &AxisConfig) -> Observation,
     /// What a frame is that answers nothing.
@@ -421,9 +421,15 @@ pub(crate) fn warnings(faults: u16, config: &AxisConfig) -> u16 {
         }
 }
 
-/// What a received frame is to a command.
-pub(crate) fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
-    (Info::of(received.protocol()).judge)(command, received, config)
+/// How a received frame ends a command, and what its answer tells; `None` where it has nothing to do
+/// with it.
+pub(crate) fn judge(
+    command: &Command,
+    received: &Received,
+    config: &AxisConfig,
+    seen: &mut Observation,
+) -> Option<Outcome> {
+    (Info::of(received.protocol()).judge)(command, received, config, seen)
 }
 
 /// The command as a CAN frame to the axis's motor.

@@ -2,8 +2,8 @@
 
 use super::convert::{CENTIDEGREES, DEGREES, HUNDREDTHS, TENTHS, from_span, position, to_span};
 use super::{
-    AngleForm, Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Received,
-    Serial, SerialFrame, Sets, Unasked, Verdict,
+    AngleForm, Command, Deframer, Demand, Effect, Exchange, Found, Ids, Info, Native, Outcome,
+    Received, Serial, SerialFrame, Sets, Unasked,
 };
 use crate::config::AxisConfig;
 use crate::measured::{Observation, Versions};
@@ -532,26 +532,24 @@ pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
 
 /// What a frame is to a read whose answer tells the dialect: an older motor passes its index over,
 /// so the form counts, not the index alone.
-fn judge_probe(place: u8, received: &Received) -> Verdict {
-    let told = || {
-        let Received::Rmd { reply, .. } = received else { return None };
-        rmd::tells(PROBES.get(usize::from(place))?, &reply.encode().ok()?)
-    };
-    match told() {
-        Some(dialects) => {
-            let versions = Versions::of_bits(dialects.bits());
-            Verdict::Answer(Observation { versions, ..Observation::default() })
-        }
-        None => Verdict::Unrelated,
-    }
+fn judge_probe(place: u8, received: &Received, seen: &mut Observation) -> Option<Outcome> {
+    let Received::Rmd { reply, .. } = received else { return None };
+    let dialects = rmd::tells(PROBES.get(usize::from(place))?, &reply.encode().ok()?)?;
+    seen.versions = Versions::of_bits(dialects.bits());
+    Some(Outcome::Answered)
 }
 
-fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
+fn judge(
+    command: &Command,
+    received: &Received,
+    config: &AxisConfig,
+    seen: &mut Observation,
+) -> Option<Outcome> {
     if let Command::RmdProbe(place) = command {
-        return judge_probe(*place, received);
+        return judge_probe(*place, received, seen);
     }
     let (Command::Rmd(request), Received::Rmd { reply, .. }) = (command, received) else {
-        return Verdict::Unrelated;
+        return None;
     };
     match rmd::answer(request, reply) {
         Answer::Reply(
@@ -562,11 +560,15 @@ fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict
             | Reply::CappedPosition { motion }
             | Reply::LimitedPositionTracking { motion },
         ) if may_be_thrown_back(request, reply, motion) => {
-            Verdict::Answer(Observation { may_be_thrown_back: true, ..Observation::default() })
+            seen.may_be_thrown_back = true;
+            Some(Outcome::Answered)
         }
-        Answer::Reply(reply) => Verdict::Answer(observe(&reply, config)),
-        Answer::NotExecuted => Verdict::NotExecuted,
-        _ => Verdict::Unrelated,
+        Answer::Reply(reply) => {
+            *seen = observe(&reply, config);
+            Some(Outcome::Answered)
+        }
+        Answer::NotExecuted => Some(Outcome::Echoed),
+        _ => None,
     }
 }
 

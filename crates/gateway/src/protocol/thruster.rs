@@ -2,7 +2,7 @@
 
 use super::convert::{DECIDEGREES, HUNDREDTHS, RPM, TENTHS, position};
 use super::{
-    Command, Demand, Effect, Exchange, Found, Ids, Info, Native, Received, Sets, Unasked, Verdict,
+    Command, Demand, Effect, Exchange, Found, Ids, Info, Native, Outcome, Received, Sets, Unasked,
 };
 use crate::config::AxisConfig;
 use crate::measured::Observation;
@@ -350,38 +350,39 @@ pub(super) fn are_answered_alike(one: &Command, other: &Command, config: &AxisCo
     }
 }
 
-fn judge(command: &Command, received: &Received, config: &AxisConfig) -> Verdict {
+fn judge(
+    command: &Command,
+    received: &Received,
+    config: &AxisConfig,
+    seen: &mut Observation,
+) -> Option<Outcome> {
     let (Command::Thruster(request), Received::Thruster { reply, .. }) = (command, received) else {
-        return Verdict::Unrelated;
+        return None;
     };
     let mode = ReturnMode::of(config);
     match thruster::answer(request, reply) {
         // Which value it acknowledges it does not say (T22).
-        Answer::Reply(Reply::Returned(returned)) if !mode.acknowledges(&returned.frame) => {
-            Verdict::Unrelated
-        }
+        Answer::Reply(Reply::Returned(returned)) if !mode.acknowledges(&returned.frame) => None,
         // The device repeats the value it has taken: another one belongs to an older request.
-        Answer::Reply(Reply::Signal { signal }) if *request != (Request::Signal { signal }) => {
-            Verdict::Unrelated
-        }
-        Answer::Reply(Reply::Speed { speed }) if *request != (Request::Speed { speed }) => {
-            Verdict::Unrelated
-        }
+        Answer::Reply(Reply::Signal { signal }) if *request != (Request::Signal { signal }) => None,
+        Answer::Reply(Reply::Speed { speed }) if *request != (Request::Speed { speed }) => None,
         Answer::Reply(Reply::Timeout { timeout })
             if *request != (Request::SetTimeout { timeout }) =>
         {
-            Verdict::Unrelated
+            None
         }
-        Answer::Reply(reply) => Verdict::Answer(observe(&reply, config.sign())),
-        Answer::Refused => Verdict::Refused,
+        Answer::Reply(reply) => {
+            *seen = observe(&reply, config.sign());
+            Some(Outcome::Answered)
+        }
+        Answer::Refused => Some(Outcome::Refused),
         Answer::Unrelated if mode == ReturnMode::Headerless && is_motion(request) => {
-            let Some(told) = reply.headerless() else { return Verdict::Unrelated };
-            let mut seen = Observation::default();
-            see_motion(told.speed, told.voltage, told.current, config.sign(), &mut seen);
+            let told = reply.headerless()?;
+            see_motion(told.speed, told.voltage, told.current, config.sign(), seen);
             seen.faults = Some(told.faults.bits());
-            Verdict::Answer(seen)
+            Some(Outcome::Answered)
         }
-        Answer::Unrelated | Answer::Unsolicited => Verdict::Unrelated,
+        Answer::Unrelated | Answer::Unsolicited => None,
     }
 }
 
