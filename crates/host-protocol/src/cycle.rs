@@ -54,6 +54,7 @@ impl MaxSize for FixedU32 {
 /// What became of an axis's setpoint in a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
 pub enum CycleResult {
     /// The motor has answered it; or has got it, where it answers no setpoint.
     Answered,

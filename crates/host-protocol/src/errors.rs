@@ -68,6 +68,7 @@ macro_rules! errors {
         /// [`encode_frame`](Self::encode_frame) writes.
         #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[serde(rename_all = "snake_case")]
         pub enum Error {
             $($(#[$meta])+ $name { $(#[doc = field_doc!($field)] $field: $type),* },)+
             /// On the host: an error of a later version, its data left unread. A gateway never

@@ -45,6 +45,7 @@ macro_rules! events {
         /// What happened.
         #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[serde(rename_all = "snake_case")]
         pub enum Event {
             $($(#[$meta])+ $name { $(
                 $(#[$field_meta])*

@@ -166,6 +166,7 @@ macro_rules! messages {
         #[allow(clippy::large_enum_variant, reason = "there is one at a time, and no heap")]
         #[derive(Debug, Clone, PartialEq, Serialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[serde(rename_all = "snake_case")]
         pub enum Request {
             $(#[doc = concat!("[`", stringify!($name), "`](requests::", stringify!($name), ")")]
                 $name(requests::$name)),+
@@ -174,6 +175,7 @@ macro_rules! messages {
         /// Every reply, named for its request.
         #[derive(Debug, Clone, PartialEq, Serialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[serde(rename_all = "snake_case")]
         pub enum Reply {
             $(#[doc = concat!("To [`", stringify!($name), "`](requests::", stringify!($name), ")")]
                 $name(replies::$reply)),+

@@ -157,6 +157,7 @@ macro_rules! wire {
         $(#[$meta])*
         #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[serde(rename_all = "snake_case")]
         pub enum $name {
             $(
                 $(#[$variant_meta])*

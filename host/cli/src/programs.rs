@@ -84,11 +84,6 @@ pub fn error(error: ClientError) -> Value {
 /// The data of an error of the gateway, names and values in snake_case.
 pub fn fields(error: &Error) -> Value {
     let mut fields = Value::Object(json::variant(error).1);
-    for value in fields.as_object_mut().into_iter().flatten().map(|(_, value)| value) {
-        if let Value::String(name) = value {
-            *name = json::snake(name);
-        }
-    }
     let more = match error {
         Error::Unsupported { protocol, .. }
         | Error::ProtocolNotOnBus { protocol, .. }

@@ -11,14 +11,8 @@ use crate::refusal::Refusal;
 
 /// Longest object, bytes.
 const LONGEST: usize = 4_096;
-/// What setpoints are called here, and in the host protocol.
-pub const SETPOINTS: [(&str, &str); 5] = [
-    ("signal", "Signal"),
-    ("current", "Current"),
-    ("velocity", "Velocity"),
-    ("position", "Position"),
-    ("impedance", "Impedance"),
-];
+/// What setpoints are called here, and where the host protocol is read by names.
+const SETPOINTS: [&str; 5] = ["signal", "current", "velocity", "position", "impedance"];
 
 /// Which command, as the key says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -231,12 +225,11 @@ impl Fields {
     /// The setpoint of this name, and all fields that are left: what it has is said in one place,
     /// the host protocol.
     fn setpoint(&mut self) -> Result<Setpoint, Refusal> {
-        let names = SETPOINTS.map(|(name, _)| name).join(", ");
+        let names = SETPOINTS.join(", ");
         let name = self.text("setpoint", &format!("one of {names}"))?;
-        let known = SETPOINTS.iter().find(|(known, _)| *known == name);
-        let Some((_, variant)) = known else {
+        if !SETPOINTS.contains(&name.as_str()) {
             return Err(self.wrong(format!("`setpoint` is one of {names}, not `{name}`")));
-        };
+        }
         let given = std::mem::take(&mut self.left);
         for (name, value) in &given {
             // What is too large for a number of the gateway would be infinite there.
@@ -247,11 +240,11 @@ impl Fields {
                 return Err(self.wrong(why));
             }
         }
-        let read = serde_json::from_value(json!({ *variant: given }));
+        let read = serde_json::from_value(json!({ &name: given }));
         let setpoint: Setpoint =
             read.map_err(|error| self.wrong(format!("setpoint `{name}`: {error}")))?;
         let whole = serde_json::to_value(setpoint).unwrap_or_default();
-        if let Some(fields) = whole[*variant].as_object()
+        if let Some(fields) = whole[&name].as_object()
             && let Some(unknown) = given.keys().find(|name| !fields.contains_key(*name))
         {
             let known: Vec<&str> = fields.keys().map(String::as_str).collect();
@@ -331,8 +324,8 @@ mod tests {
             },
         ] {
             let wire = serde_json::to_value(setpoint).unwrap();
-            let (variant, fields) = wire.as_object().unwrap().iter().next().unwrap();
-            let (name, _) = SETPOINTS.iter().find(|(_, known)| known == variant).unwrap();
+            let (name, fields) = wire.as_object().unwrap().iter().next().unwrap();
+            assert!(SETPOINTS.contains(&name.as_str()), "{name}");
             let mut asked = json!({ "lease": LEASE, "axis": 0, "epoch": 1, "expires_at_us": 1 });
             asked["setpoint"] = json!(name);
             asked.as_object_mut().unwrap().extend(fields.as_object().unwrap().clone());

@@ -11,7 +11,7 @@ use zenoh::qos::Priority;
 use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::{Session, Wait};
 
-use crate::command::{SETPOINTS, Word};
+use crate::command::Word;
 use crate::keys::{Keys, check_name};
 
 /// How long an answer is awaited: arming may take as long as its motor.
@@ -259,9 +259,8 @@ impl Commander {
         if let (Some(body), Ok(Value::Object(wire))) =
             (body.as_object_mut(), serde_json::to_value(setpoint))
         {
-            for (variant, fields) in wire {
-                let name = SETPOINTS.iter().find(|(_, known)| *known == variant);
-                body.insert("setpoint".to_owned(), json!(name.map(|(name, _)| name)));
+            for (name, fields) in wire {
+                body.insert("setpoint".to_owned(), json!(name));
                 body.extend(fields.as_object().cloned().unwrap_or_default());
             }
         }

@@ -5,7 +5,6 @@
 pub mod axis;
 pub mod cycle;
 pub mod gateway;
-pub mod wire;
 
 use embedded_can::{Frame, Id};
 use host_protocol::{Event, EventMessage, Protocol, ProtocolSet, RawFrame};
@@ -31,10 +30,10 @@ pub fn snake(name: &str) -> String {
 /// Which variant of an enum of the wire this is, and its fields.
 pub fn variant(value: &impl Serialize) -> (String, Map<String, Value>) {
     match to_json(value) {
-        Value::String(name) => (snake(&name), Map::new()),
+        Value::String(name) => (name, Map::new()),
         Value::Object(variant) => match variant.into_iter().next() {
-            Some((name, Value::Object(fields))) => (snake(&name), fields),
-            Some((name, _)) => (snake(&name), Map::new()),
+            Some((name, Value::Object(fields))) => (name, fields),
+            Some((name, _)) => (name, Map::new()),
             None => Default::default(),
         },
         _ => Default::default(),
@@ -146,7 +145,16 @@ pub fn frame(frame: &RawFrame) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use host_protocol::CanFrame;
+    use host_protocol::requests as ask;
+    use host_protocol::{CanFrame, Request, Setpoint, StopTarget};
+
+    #[test]
+    fn variants_are_in_snake_case_and_fields_as_they_are() {
+        let stop = Request::Stop(ask::Stop { target: StopTarget::All });
+        assert_eq!(to_json(&stop).to_string(), r#"{"stop":{"target":"all"}}"#);
+        let setpoint = Setpoint::Velocity { velocity_rad_s: 0.1 };
+        assert_eq!(to_json(&setpoint).to_string(), r#"{"velocity":{"velocity_rad_s":0.1}}"#);
+    }
 
     #[test]
     fn an_event_carries_its_name_and_fields() {

@@ -14,6 +14,7 @@ use super::item::{Item, What};
 use super::schemas::Schema;
 use crate::faults::Protocols;
 use crate::json;
+use crate::output::to_json;
 use crate::words;
 
 /// Requests for raw frames whose answers are awaited. Older ones are lost.
@@ -286,7 +287,7 @@ fn name_of(number: u16) -> String {
 
 /// The fields of a request or a reply, without its name.
 fn body_of(message: &impl serde::Serialize) -> Value {
-    match json::wire::wire(message) {
+    match to_json(message) {
         Value::Object(named) => named.into_iter().next().map_or(Value::Null, |(_, body)| body),
         _ => Value::Null,
     }
