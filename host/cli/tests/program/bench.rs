@@ -1,17 +1,12 @@
 //! `mgw bench` against a simulated gateway. Nothing here depends on how fast it is.
 
 use std::fs;
-use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use crate::support::{Sim, mgw};
+use crate::support::{Sim, file, mgw};
 
 const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
-
-fn file(name: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("mgw-bench-{}-{name}", std::process::id()))
-}
 
 fn state(sim: &Sim, axis: usize) -> Value {
     sim.mgw(&["--json", "state"]).json_lines()[0]["axes"][axis]["state"].clone()
@@ -49,8 +44,7 @@ fn every_count_of_axes_is_measured_and_planned_and_all_are_stopped_again() {
 #[test]
 fn delays_are_kept_for_a_plan_and_the_picture_is_svg() {
     let sim = Sim::patient();
-    let (delays, svg) = (file("delays.toml"), file("rates.svg"));
-    let (delays, svg) = (delays.to_str().unwrap(), svg.to_str().unwrap());
+    let (delays, svg) = (&file("delays.toml"), &file("rates.svg"));
     let words = ["bench", "0", "--yes", "--rounds", "10", "--delays", delays, "--svg", svg];
     let said = sim.mgw(&words).success();
     assert!(said.contains("Cycle of 1") && said.contains("(estimated)"), "{said}");
@@ -61,8 +55,6 @@ fn delays_are_kept_for_a_plan_and_the_picture_is_svg() {
     let picture = fs::read_to_string(svg).unwrap();
     assert!(picture.starts_with("<svg") && picture.trim_end().ends_with("</svg>"));
     assert!(picture.contains("measured") && picture.contains("planned"));
-    fs::remove_file(delays).unwrap();
-    fs::remove_file(svg).unwrap();
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use crate::support::{json, mgw, mgw_cut_short, mgw_reading};
+use crate::support::{file, json, mgw, mgw_cut_short, mgw_reading};
 
 /// Runs the program with each list of options of decode.txt.
 #[test]
@@ -96,10 +96,9 @@ fn a_reader_of_decoded_frames_that_goes_away_is_no_panic() {
     for node in 0..50_000 {
         writeln!(input, "141#A2000000{node:08X}").unwrap();
     }
-    let path = std::env::temp_dir().join(format!("mgw-decode-{}.log", std::process::id()));
+    let path = file("long.log");
     std::fs::write(&path, input).unwrap();
     let outcome = mgw_cut_short(&["decode"], std::fs::File::open(&path).unwrap(), 2);
-    std::fs::remove_file(&path).unwrap();
     assert_eq!((outcome.stdout.lines().count(), outcome.stderr.as_str()), (2, ""), "{outcome:?}");
 }
 
@@ -136,12 +135,10 @@ fn a_time_that_is_a_number_is_a_number() {
 
 #[test]
 fn captures_are_read_from_files_and_a_byte_order_mark_is_no_byte() {
-    let path = std::env::temp_dir().join(format!("mgw-{}.log", std::process::id()));
-    let name = path.to_str().unwrap();
-    std::fs::write(&path, "\u{feff}  can0  RX - -  141   [8]  9A 00 00 00 00 00 00 00\n").unwrap();
+    let name = &file("frames.log");
+    std::fs::write(name, "\u{feff}  can0  RX - -  141   [8]  9A 00 00 00 00 00 00 00\n").unwrap();
     let reply = "(2.5) serial2 3E01089C1934129CFF78567AD8\n";
     let lines = mgw_reading(&["--json", "decode", name, "-", name], reply).decoded();
-    std::fs::remove_file(&path).unwrap();
     let told: Vec<_> = lines.iter().map(|line| (&line["interface"], &line["command"])).collect();
     let (can, serial) = (&Value::from("can0"), &Value::from("serial2"));
     let (status_1, status_2) = (&Value::from("read_status_1"), &Value::from("read_status_2"));

@@ -1,11 +1,10 @@
 //! `mgw delays`, and the tables that `mgw bench` and `mgw plan` share with it.
 
 use std::fs;
-use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::support::{Sim, mgw};
+use crate::support::{Sim, file, mgw};
 
 const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
 const HEAD: &str = "reply-delays 1\n\
@@ -19,21 +18,16 @@ const BOTH: &str = "rmd X8 v1 can 1000000 read_status_2 lab-a 3 249 251 900 900 
 const OTHER: &str = "rmd Y2 v1 can 1000000 torque_current simulator 1 40 40 40 40 2026-11-24 0.1.0 \
                      40:1\n";
 
-fn file(name: &str, text: &str) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("mgw-{}-delays-{name}", std::process::id()));
-    if text.is_empty() {
-        let _ = fs::remove_file(&path);
-    } else {
-        fs::write(&path, text).unwrap();
-    }
+fn file_of(name: &str, text: &str) -> String {
+    let path = file(name);
+    fs::write(&path, text).unwrap();
     path
 }
 
 #[test]
 fn tables_are_merged_in_any_order_and_written_where_they_were() {
-    let one = file("one.txt", &format!("{HEAD}{FAST}"));
-    let other = file("other.txt", &format!("reply-delays 1\n\n# a lab\n{OTHER}{SLOW}"));
-    let (one, other) = (one.to_str().unwrap(), other.to_str().unwrap());
+    let one = &file_of("one.txt", &format!("{HEAD}{FAST}"));
+    let other = &file_of("other.txt", &format!("reply-delays 1\n\n# a lab\n{OTHER}{SLOW}"));
     let wanted = format!("{HEAD}{BOTH}{OTHER}");
     assert_eq!(mgw(&["delays", one, other]).success(), wanted);
     assert_eq!(mgw(&["delays", other, one]).success(), wanted);
@@ -53,8 +47,7 @@ fn tables_are_merged_in_any_order_and_written_where_they_were() {
 
 #[test]
 fn what_is_no_table_is_named_by_file_and_line() {
-    let bad = file("bad.txt", &format!("{HEAD}{FAST}{}", SLOW.replace(" 900 ", " 9e2 ")));
-    let path = bad.to_str().unwrap();
+    let path = &file_of("bad.txt", &format!("{HEAD}{FAST}{}", SLOW.replace(" 900 ", " 9e2 ")));
     let text = mgw(&["delays", path]).failure(2);
     let wanted = format!("{path}: line 4: min `9e2` is no whole number, or too large");
     assert!(text.contains(&wanted), "{text}");
@@ -80,8 +73,7 @@ fn what_is_no_table_is_named_by_file_and_line() {
 
 #[test]
 fn a_plan_takes_the_longest_delay_of_a_motor_as_the_axis_may_have() {
-    let table = file("plan.txt", &format!("{HEAD}{BOTH}{OTHER}"));
-    let table = table.to_str().unwrap();
+    let table = &file_of("plan.txt", &format!("{HEAD}{BOTH}{OTHER}"));
     let delay = |more: &[&str]| {
         let arguments = [&["--json", "plan", FOUR, "--delays", table], more].concat();
         let planned = mgw(&arguments).json_lines();
@@ -104,8 +96,7 @@ fn a_plan_takes_the_longest_delay_of_a_motor_as_the_axis_may_have() {
         assert!(said.stderr.contains(wanted), "{}", said.stderr);
     }
     said.success();
-    let by_axis = file("axis.toml", "[reply_delay_us]\n0 = 100\n");
-    let by_axis = by_axis.to_str().unwrap();
+    let by_axis = &file_of("axis.toml", "[reply_delay_us]\n0 = 100\n");
     let text = mgw(&["plan", FOUR, "--delays", by_axis, "--motor", "0=X8"]).failure(2);
     assert!(text.contains("it has delays by axis"), "{text}");
 }
@@ -113,8 +104,7 @@ fn a_plan_takes_the_longest_delay_of_a_motor_as_the_axis_may_have() {
 #[test]
 fn bench_writes_a_table_that_says_it_is_of_a_simulator() {
     let sim = Sim::patient();
-    let table = file("bench.txt", "");
-    let table = table.to_str().unwrap();
+    let table = &file("bench.txt");
     let bench = ["bench", "0", "1", "--yes", "--rounds", "10", "--table", table];
     sim.mgw(&bench).success();
     let text = mgw(&["delays", table]).success();

@@ -37,14 +37,10 @@ fn a_gateway_that_is_well_is_found_so() {
 #[test]
 fn faults_are_found_and_said_what_to_do_about() {
     let mut sim = Sim::start();
-    let typed = |sim: &mut Sim, line: &str| {
-        sim.process.type_line(line);
-        sim.process.wait_for("it", |said| said.contains(line).then_some(()));
-    };
     sim.mgw_once_in_command(&["config", "axis", "3", "rmd_dialect=v4_4"]).success();
     sim.mgw_once_in_command(&["config", "axis", "7", "bus=0"]).success();
     sim.mgw_once_in_command(&["config", "timeout", "0", "0"]).success();
-    typed(&mut sim, "motor 0 faults 0x0002");
+    sim.typed("motor 0 faults 0x0002");
     let lines = examine(&sim);
     for (of, text) in [
         ("axis 0", "stall (0x0002)"),
@@ -56,12 +52,12 @@ fn faults_are_found_and_said_what_to_do_about() {
     }
     assert_eq!(wrong(&lines).len(), 4, "{lines:?}");
 
-    typed(&mut sim, "bus 1 cut");
+    sim.typed("bus 1 cut");
     let lines = examine(&sim);
     assert!(is_said(&lines, "wrong", "bus 1", "120 Ω at both ends"), "{lines:?}");
     assert!(is_said(&lines, "wrong", "axis 2", "did not reply"), "{lines:?}");
 
-    typed(&mut sim, "e-stop press");
+    sim.typed("e-stop press");
     let lines = examine(&sim);
     assert!(is_said(&lines, "wrong", "gateway", "release the button"), "{lines:?}");
     assert!(is_said(&lines, "note", "bus 0", "not scanned"), "{lines:?}");

@@ -29,8 +29,7 @@ fn the_e_stop_button_trips_what_moves() {
     assert!(text.contains("axis 0 tripped: emergency stop"), "{text}");
     assert!(sim.mgw(&["info"]).success().contains("latched, input open"));
     sim.mgw(&["clear", "gateway"]).failure(1);
-    sim.process.type_line("e-stop release");
-    sim.process.wait_for("the release", |line| line.contains("e-stop release").then_some(()));
+    sim.typed("e-stop release");
     sim.mgw_once_in_command(&["clear", "gateway"]).success();
     sim.mgw(&["clear", "0"]).success();
     sim.mgw(&["set", "0", "velocity", "1", "--for", "0.1"]).success();
@@ -65,8 +64,7 @@ fn on_a_cut_bus_no_stop_is_confirmed_until_it_is_mended() {
 fn a_mute_motor_does_not_answer_until_it_speaks_again() {
     let mut sim = Sim::start();
     for (typed, code) in [("motor 0 mute", 1), ("motor 0 mute off", 0)] {
-        sim.process.type_line(typed);
-        sim.process.wait_for(typed, |line| line.ends_with(typed).then_some(()));
+        sim.typed(typed);
         assert_eq!(sim.mgw(&["native", "0", "9A00000000000000"]).code, Some(code), "{typed}");
     }
 }
@@ -74,16 +72,14 @@ fn a_mute_motor_does_not_answer_until_it_speaks_again() {
 #[test]
 fn a_board_that_loses_its_power_forgets_and_one_that_is_reset_does_not() {
     let mut sim = Sim::patient();
-    sim.process.type_line("reset");
-    sim.process.wait_for("the reset", |line| line.ends_with("reset").then_some(()));
+    sim.typed("reset");
     let info = &sim.mgw(&["--json", "info"]).json_lines()[0];
     assert_eq!((&info["boot"], &info["status"]["starts"]), (&"pin".into(), &2.into()));
     let (_, text) = in_motion(&mut sim, "power off");
     assert!(text.contains("the stop was sent, not confirmed"), "{text}");
     // The motor has a timeout of its own.
     sim.process.wait_for("its stop", |line| line.contains("rmd 1  stopped").then_some(()));
-    sim.process.type_line("power on");
-    sim.process.wait_for("the start", |line| line.ends_with("power on").then_some(()));
+    sim.typed("power on");
     assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
 }
 

@@ -1,8 +1,6 @@
 //! The commands of docs/first-turn, typed as printed, with what is printed below each.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-use crate::support::Sim;
+use crate::support::{Sim, file};
 use crate::typed::{Typed, all_typed, is_printed};
 
 /// A guide of that folder.
@@ -14,12 +12,7 @@ macro_rules! guide {
 
 /// Types a guide; the motors that it turns before it cuts their power, in its order.
 fn follow(guide: &'static str, turned: &[&str]) {
-    static STARTED: AtomicUsize = AtomicUsize::new(0);
-    let number = STARTED.fetch_add(1, Ordering::Relaxed);
-    let directory = std::env::temp_dir().join(format!("mgw-guide-{}-{number}", std::process::id()));
-    std::fs::create_dir_all(&directory).unwrap();
-    let files = ["robot.toml", "board.flash"]
-        .map(|name| (name, directory.join(name).to_str().expect("text").to_owned()));
+    let files = ["robot.toml", "board.flash"].map(|name| (name, file(name)));
     let in_directory = |word: &str| {
         let file = files.iter().find(|(name, _)| *name == word);
         file.map_or(word.to_owned(), |(_, path)| path.clone())
@@ -42,8 +35,7 @@ fn follow(guide: &'static str, turned: &[&str]) {
                     let line = format!("{turned}  moving");
                     sim.process.wait_for(&line, |said| said.contains(&line).then_some(()));
                 }
-                sim.process.type_line(line);
-                sim.process.wait_for(line, |said| said.contains(line).then_some(()));
+                sim.typed(line);
                 continue;
             }
         };
@@ -59,7 +51,6 @@ fn follow(guide: &'static str, turned: &[&str]) {
         count += 1;
     }
     assert!(count > 7 && moving.next().is_none(), "{count} commands");
-    std::fs::remove_dir_all(&directory).unwrap();
 }
 
 #[test]

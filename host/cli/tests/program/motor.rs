@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use nix::pty::openpty;
 
-use crate::support::{Sim, command, state_home};
+use crate::support::{Sim, command, file, state_home};
 use crate::typed::{Typed, all_typed, is_printed};
 
 const GUIDE: &str = include_str!("../../../../docs/motor-settings.md");
@@ -23,13 +23,6 @@ fn unhurried(sim: Sim) -> Sim {
     sim
 }
 
-/// A file of this test alone.
-fn file(name: &str) -> String {
-    let file = std::env::temp_dir().join(format!("mgw-{}-{name}.toml", std::process::id()));
-    let _ = std::fs::remove_file(&file);
-    file.to_str().expect("text").to_owned()
-}
-
 #[test]
 fn the_page_on_settings_is_as_printed() {
     let path = file("knee");
@@ -39,10 +32,7 @@ fn the_page_on_settings_is_as_printed() {
     let mut count = 0;
     for typed in all {
         match typed {
-            Typed::Simulator(line) => {
-                sim.process.type_line(line);
-                sim.process.wait_for(line, |said| said.contains(line).then_some(()));
-            }
+            Typed::Simulator(line) => sim.typed(line),
             Typed::Command(words, wanted) => {
                 let typed =
                     words.iter().map(|word| if *word == "knee.toml" { &path } else { *word });
@@ -58,7 +48,6 @@ fn the_page_on_settings_is_as_printed() {
         }
     }
     assert!(count > 15, "{count} commands");
-    std::fs::remove_file(path).unwrap();
     // All that was lent is taken back.
     assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
 }
@@ -67,8 +56,7 @@ fn the_page_on_settings_is_as_printed() {
 fn what_stays_in_a_motor_needs_a_yes_where_there_is_no_terminal() {
     let sim = unhurried(Sim::start());
     for words in ["id 2", "bitrate 500000", "zero here", "pid speed_kp=1", "timeout 200", "reset"] {
-        let typed: Vec<&str> = ["motor", "0"].into_iter().chain(words.split(' ')).collect();
-        let text = sim.mgw_once_in_command(&typed).failure(2);
+        let text = sim.once(&format!("motor 0 {words}")).failure(2);
         assert!(text.contains("Add --yes"), "{words}: {text}");
     }
     let id = sim.mgw_once_in_command(&["motor", "0", "id"]).success();
@@ -159,10 +147,7 @@ fn the_row_of_an_axis_follows_its_motor() {
 #[test]
 fn an_id_that_is_taken_or_may_reach_others_is_refused() {
     let sim = with_motors(&["0:rmd:1:v3_9", "0:rmd:7:v3_9", "1:d5:11", "1:d5:12"]);
-    let failed = |words: &str| {
-        let typed: Vec<&str> = words.split(' ').chain(["--yes"]).collect();
-        sim.mgw_once_in_command(&typed).failure(1)
-    };
+    let failed = |words: &str| sim.once(&format!("{words} --yes")).failure(1);
     let text = failed("motor 0:1@1000000 id 7");
     assert!(text.contains("rmd 7 answers already"), "{text}");
     let text = failed("motor 0:1@1000000 id 2");
@@ -198,16 +183,7 @@ fn a_motor_is_not_taken_for_the_axis_of_another_protocol_with_its_node() {
 #[test]
 fn an_axis_that_is_configured_for_the_id_keeps_it() {
     let sim = unhurried(Sim::start());
-    sim.mgw_once_in_command(&[
-        "config",
-        "axis",
-        "5",
-        "bus=0",
-        "protocol=rmd",
-        "node=9",
-        "stop_action=hold",
-    ])
-    .success();
+    sim.once("config axis 5 bus=0 protocol=rmd node=9 stop_action=hold").success();
     let text = sim.mgw_once_in_command(&["motor", "0", "id", "9", "--yes"]).failure(1);
     assert!(text.contains("axis 5 is configured for rmd 9, which may be off"), "{text}");
 }
@@ -245,10 +221,7 @@ fn what_a_dialect_cannot_tell_is_not_written() {
 fn a_dump_is_restored_and_all_that_is_wrong_with_a_file_is_told() {
     let sim = with_motors(&["0:rmd:1:v4_4", "0:rmd:7:v3_9", "1:d5:11"]);
     let (path, again) = (file("dump"), file("again"));
-    let run = |words: &str| {
-        let typed: Vec<&str> = words.split(' ').collect();
-        sim.mgw_once_in_command(&typed)
-    };
+    let run = |words: &str| sim.once(words);
     run("motor 0:1@1000000 pid current_kp=0.1 speed_ki=1e-5 --yes").success();
     run(&format!("motor 0:1@1000000 dump --output {path}")).success();
     let text = run(&format!("motor 0:1@1000000 dump --output {path}")).failure(1);
@@ -288,9 +261,6 @@ fn a_dump_is_restored_and_all_that_is_wrong_with_a_file_is_told() {
     std::fs::write(&again, mute).unwrap();
     let text = run(&format!("motor 1:11@210526 restore {again} --yes")).failure(2);
     assert!(text.contains("ack_level = 0: takes 1 or 2"), "{text}");
-    for path in [path, again] {
-        std::fs::remove_file(path).unwrap();
-    }
 }
 
 #[test]
@@ -333,7 +303,7 @@ fn a_motor_whose_axis_is_in_use_is_left_alone() {
 fn nothing_is_restored_of_a_file_that_is_wrong_anywhere() {
     let sim = with_motors(&["0:rmd:1:v4_4"]);
     let path = file("wrong");
-    let run = |words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
+    let run = |words: &str| sim.once(words);
     run(&format!("motor 0:1@1000000 dump --output {path}")).success();
     let whole = std::fs::read_to_string(&path).expect("the dump");
     let restore = format!("motor 0:1@1000000 restore {path} --with-id --with-bitrate --yes");
@@ -356,7 +326,6 @@ fn nothing_is_restored_of_a_file_that_is_wrong_anywhere() {
     assert!(text.contains("speed_kp is given twice"), "{text}");
     let text = run("motor 0:1@1000000 pid").success();
     assert!(text.contains("speed_kp = 0.5\n"), "{text}");
-    std::fs::remove_file(path).unwrap();
 }
 
 #[test]
@@ -366,8 +335,7 @@ fn the_way_out_is_told_where_a_loss_of_power_comes_between_an_id_and_its_row() {
     sim.mgw_once_in_command(&["config", "save"]).success();
     sim.mgw_once_in_command(&["motor", "0", "id", "2", "--yes"]).success();
     for line in ["power off", "motor 0 power off", "motor 0 power on", "power on"] {
-        sim.process.type_line(line);
-        sim.process.wait_for(line, |said| said.contains(line).then_some(()));
+        sim.typed(line);
     }
     let doctor = (0..600).map(|_| sim.mgw_once_in_command(&["doctor"])).find(|doctor| {
         let is_told = doctor.stdout.contains("a stop was not confirmed");
@@ -391,13 +359,12 @@ fn the_way_out_is_told_where_a_loss_of_power_comes_between_an_id_and_its_row() {
     sim.mgw_once_in_command(&["output-off", "3"]).success();
     sim.mgw_once_in_command(&["config", "save"]).success();
     sim.mgw_once_in_command(&["motor", "0", "id"]).success();
-    std::fs::remove_file(storage).unwrap();
 }
 
 #[test]
 fn a_motor_is_not_changed_while_its_neighbour_turns() {
     let sim = with_motors(&["0:rmd:1:v4_4", "0:rmd:3:v4_4"]);
-    let run = |words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
+    let run = |words: &str| sim.once(words);
     run("config bus 0 bitrate=1000000 protocols=rmd").success();
     run("raw --unsafe 0 send 141#A200000010270000").success();
     let text = run("motor 0:rmd:3 id 9 --yes").failure(1);
@@ -414,14 +381,9 @@ fn a_motor_is_not_changed_while_its_neighbour_turns() {
 #[test]
 fn a_reset_of_the_gateway_in_mid_change_says_that_the_motor_may_have_been_changed() {
     let mut sim = with_motors(&["0:rmd:1:v4_4"]);
-    let run =
-        |sim: &Sim, words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
-    run(&sim, "config bus 0 bitrate=1000000 protocols=rmd").success();
-    run(
-        &sim,
-        "config axis 0 bus=0 protocol=rmd node=1 stop_action=hold rmd_dialect=v4_4 name=knee",
-    )
-    .success();
+    sim.once("config bus 0 bitrate=1000000 protocols=rmd").success();
+    sim.once("config axis 0 bus=0 protocol=rmd node=1 stop_action=hold rmd_dialect=v4_4 name=knee")
+        .success();
     let words = ["--port", &sim.port, "motor", "knee", "id", "2", "--yes"];
     let program = command(&words).spawn().expect("it starts");
     // Its axis is away while frames are sent that no native command may send.
@@ -440,7 +402,7 @@ fn a_reset_of_the_gateway_in_mid_change_says_that_the_motor_may_have_been_change
 #[test]
 fn a_name_that_a_killed_command_took_away_is_no_riddle() {
     let sim = with_motors(&["0:rmd:1:v4_4"]);
-    let run = |words: &str| sim.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>());
+    let run = |words: &str| sim.once(words);
     run("config bus 0 bitrate=1000000 protocols=rmd").success();
     run("config axis 0 bus=0 protocol=rmd node=1 stop_action=hold rmd_dialect=v4_4 name=knee-17")
         .success();

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::support::{Sim, mgw_reading};
+use crate::support::{Sim, file, mgw_reading};
 
 /// A simulator whose RMD on CAN is `left`, its thruster `prop`, their bus `arm_bus`, itself
 /// `arm-2_B`.
@@ -171,10 +171,9 @@ fn a_file_gives_and_takes_names() {
     reading(&["config", "apply", "-"], &other).success();
     assert_eq!(sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"][0]["name"], "prop");
     let template = other.replace("name = \"prop\"", "name = \"prop\"  # the old one");
-    let path = std::env::temp_dir().join(format!("mgw-names-{}.toml", std::process::id()));
+    let path = file("names.toml");
     std::fs::write(&path, &template).unwrap();
-    let dump = sim.mgw(&["config", "dump", "--template", path.to_str().unwrap()]).success();
-    std::fs::remove_file(&path).unwrap();
+    let dump = sim.mgw(&["config", "dump", "--template", &path]).success();
     assert!(dump.contains("name = \"prop\"  # the old one\n"), "{dump}");
     assert_eq!(dump.matches("name = ").count(), 3, "{dump}");
     // Both mistakes at once, with their lines.
@@ -197,9 +196,7 @@ fn a_file_gives_and_takes_names() {
 /// What was saved runs again after a loss of power, with its names; what was not has the old ones.
 #[test]
 fn saved_names_outlive_a_loss_of_power() {
-    let path = std::env::temp_dir().join(format!("mgw-names-{}.flash", std::process::id()));
-    let _ = std::fs::remove_file(&path);
-    let mut sim = named(&["--storage", path.to_str().unwrap()]);
+    let mut sim = named(&["--storage", &file("names.flash")]);
     let stored =
         |sim: &Sim| sim.mgw(&["--json", "info"]).json_lines()[0]["stored"]["differs"].clone();
     sim.mgw_once_in_command(&["config", "save"]).success();
@@ -207,8 +204,7 @@ fn saved_names_outlive_a_loss_of_power() {
     sim.mgw_once_in_command(&["config", "axis", "0", "name=lost"]).success();
     assert_eq!(stored(&sim), true);
     for typed in ["power off", "power on"] {
-        sim.process.type_line(typed);
-        sim.process.wait_for(typed, |line| line.ends_with(typed).then_some(()));
+        sim.typed(typed);
     }
     let info = sim.mgw_once_connected(&["--json", "info"]).json_lines().remove(0);
     assert_eq!((&info["name"], &info["stored"]["differs"]), (&json!("arm-2_B"), &json!(false)));
@@ -217,5 +213,4 @@ fn saved_names_outlive_a_loss_of_power() {
         (&axes["axes"][0]["name"], &axes["axes"][1]["name"]),
         (&json!("left"), &json!("prop"))
     );
-    let _ = std::fs::remove_file(&path);
 }

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::{json, mgw, mgw_reading};
+use crate::support::{file, json, mgw, mgw_reading};
 
 const EIGHT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/eight-motors.toml");
 const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
@@ -125,9 +125,8 @@ fn a_slow_bus_is_told_which_bitrate_it_needs() {
 
 #[test]
 fn stated_delays_are_told_from_assumed_ones() {
-    let file = std::env::temp_dir().join(format!("mgw-delays-{}.toml", std::process::id()));
-    std::fs::write(&file, "[reply_delay_us]\n0 = 111\n1 = 222\n").unwrap();
-    let path = file.to_str().unwrap();
+    let path = &file("delays.toml");
+    std::fs::write(path, "[reply_delay_us]\n0 = 111\n1 = 222\n").unwrap();
     let (_, planned) = plan(&[FOUR, "--delays", path, "--reply-delay", "1=333"]);
     let axes = |bus: usize| &planned["plan"]["buses"][bus]["axes"];
     let delay = |axis: &Value| (axis["reply_delay_us"].clone(), axis["reply_delay_stated"].clone());
@@ -142,11 +141,10 @@ fn stated_delays_are_told_from_assumed_ones() {
         ("[delays]\n1 = 4\n", "AXIS = MICROSECONDS"),
         ("nonsense", "AXIS = MICROSECONDS"),
     ] {
-        std::fs::write(&file, text).unwrap();
+        std::fs::write(path, text).unwrap();
         let error = mgw(&["plan", FOUR, "--delays", path]).failure(2);
         assert!(error.contains(said), "{text}: {error}");
     }
-    std::fs::remove_file(&file).unwrap();
 }
 
 #[test]

@@ -1,21 +1,11 @@
 //! `mgw record`, `mgw serve --record`, `mgw play` and `mgw plot`.
 
 use std::fs;
-use std::path::PathBuf;
 
 use serde_json::Value;
 
 use crate::server::Server;
-use crate::support::{Process, Sim, mgw, mgw_reading, state_home};
-
-/// A file of this test's own, which is not there.
-fn file(name: &str) -> String {
-    let place: PathBuf = state_home();
-    fs::create_dir_all(&place).unwrap();
-    let path = place.join(name);
-    let _ = fs::remove_file(&path);
-    path.to_str().unwrap().to_owned()
-}
+use crate::support::{Process, Sim, file, mgw, mgw_reading};
 
 /// The messages of a recording: topic and message.
 fn played(arguments: &[&str]) -> Vec<(String, Value)> {

@@ -8,7 +8,7 @@ use nix::sys::signal::Signal;
 use serde_json::Value;
 
 use crate::schema;
-use crate::support::{Outcome, Process, Sim, json, mgw, mgw_cut_short};
+use crate::support::{Outcome, Process, Sim, file, json, mgw, mgw_cut_short};
 
 /// The error that `--json` prints.
 fn error(outcome: Outcome, code: i32) -> Value {
@@ -143,28 +143,25 @@ fn a_file_is_read_before_anything_connects_and_only_so_far() {
         let text = mgw(&[&nobody[..], &[path]].concat()).failure(2);
         assert!(text.contains(said), "{path}: {text}");
     }
-    let path = std::env::temp_dir().join(format!("mgw-{}.toml", std::process::id()));
-    std::fs::write(&path, " ".repeat(262_145)).unwrap();
-    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(2);
+    let path = &*file("some.toml");
+    std::fs::write(path, " ".repeat(262_145)).unwrap();
+    let text = mgw(&[&nobody[..], &[path]].concat()).failure(2);
     assert!(text.contains("more than 262144 bytes"), "{text}");
-    std::fs::write(&path, "[[axis]]\naxis = 0\nttl_us = 1\n").unwrap();
-    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(1);
+    std::fs::write(path, "[[axis]]\naxis = 0\nttl_us = 1\n").unwrap();
+    let text = mgw(&[&nobody[..], &[path]].concat()).failure(1);
     assert!(text.contains("line 3, axis 0: ttl_us 1 µs is out of range"), "{text}");
-    assert!(text.contains(path.to_str().unwrap()), "{text}");
-    std::fs::write(&path, "[[axis]]\naxis = 0\nspeed\u{1b}[2J = 3\n").unwrap();
-    let text = mgw(&[&nobody[..], &[path.to_str().unwrap()]].concat()).failure(1);
-    std::fs::remove_file(&path).unwrap();
+    assert!(text.contains(path), "{text}");
+    std::fs::write(path, "[[axis]]\naxis = 0\nspeed\u{1b}[2J = 3\n").unwrap();
+    let text = mgw(&[&nobody[..], &[path]].concat()).failure(1);
     assert!(text.contains("line 3, ") && !text.contains('\u{1b}'), "{text:?}");
 }
 
 /// Nobody writes into the pipe: it is refused and not waited for.
 #[test]
 fn a_pipe_is_no_configuration() {
-    let path = std::env::temp_dir().join(format!("mgw-{}.fifo", std::process::id()));
-    nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap();
-    let text =
-        mgw(&["--port", "tcp:127.0.0.1:1", "config", "apply", path.to_str().unwrap()]).failure(2);
-    std::fs::remove_file(&path).unwrap();
+    let path = &file("fifo");
+    nix::unistd::mkfifo(path.as_str(), nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let text = mgw(&["--port", "tcp:127.0.0.1:1", "config", "apply", path]).failure(2);
     assert!(text.contains("a pipe or a device"), "{text}");
 }
 
@@ -180,7 +177,7 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
     let bus = "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\", \"thruster\"]\n";
     let second = axis("").replace("axis = 0", "axis = 1");
     let sim = Sim::with(&["--unconfigured"]);
-    let path = std::env::temp_dir().join(format!("mgw-{}-refused.toml", std::process::id()));
+    let path = &*file("refused.toml");
     for (text, name, said) in [
         (axis("signal_limit = 0.5\n"), "cannot_measure", "line 7, axis 0: "),
         (axis("").replace("rmd", "thruster"), "unsupported", "line 6, axis 0: "),
@@ -219,17 +216,13 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
             rest += bus;
             rest += "[[bus]]\nbus = 2\nbitrate = 115_200\nprotocols = [\"rmd\"]\n";
         }
-        std::fs::write(&path, text.clone() + &rest).unwrap();
-        let error = error(sim.mgw(&["--json", "config", "apply", path.to_str().unwrap()]), 1);
+        std::fs::write(path, text.clone() + &rest).unwrap();
+        let error = error(sim.mgw(&["--json", "config", "apply", path]), 1);
         assert_eq!(error["name"], name, "{text}{error}");
         let message = error["message"].as_str().unwrap();
-        assert!(
-            message.contains(said) && message.starts_with(path.to_str().unwrap()),
-            "{text}{message}"
-        );
+        assert!(message.contains(said) && message.starts_with(path), "{text}{message}");
         assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"), "{text}");
     }
-    std::fs::remove_file(&path).unwrap();
 }
 
 #[test]

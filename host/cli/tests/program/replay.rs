@@ -3,7 +3,6 @@
 use std::fs;
 #[cfg(unix)]
 use std::os::unix::fs::PermissionsExt;
-use std::path::PathBuf;
 
 use flight_recorder::Recording;
 #[cfg(unix)]
@@ -11,18 +10,12 @@ use host_protocol::Trip;
 #[cfg(unix)]
 use mgw_cli::flight::OnImage;
 
-use crate::support::{Sim, json, mgw};
-
-fn file(name: &str) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("mgw-{}-{name}.mgfr", std::process::id()));
-    let _ = fs::remove_file(&path);
-    path
-}
+use crate::support::{Sim, file, json, mgw};
 
 /// Presses the e-stop while an axis turns, and returns what led to the trip.
-fn trip(name: &str) -> PathBuf {
-    let kept = file(name);
-    let mut sim = Sim::with(&["--flight-recorder", kept.to_str().unwrap()]);
+fn trip() -> String {
+    let kept = file("trip.mgfr");
+    let mut sim = Sim::with(&["--flight-recorder", &kept]);
     // A busy machine may hold the host up.
     sim.mgw(&["config", "gateway", "link_silence_us=10000000"]).success();
     sim.mgw(&["config", "axis", "0", "ttl_us=10000000"]).success();
@@ -33,7 +26,7 @@ fn trip(name: &str) -> PathBuf {
     sim.await_state("0", |state| state["state"] == "active");
     sim.process.type_line("e-stop press");
     sim.process.wait_for("what led to the trip", |line| {
-        line.contains(&format!("what led to it is in {}", kept.display())).then_some(())
+        line.contains(&format!("what led to it is in {kept}")).then_some(())
     });
     assert!(set.join().unwrap().contains("axis 0"));
     kept
@@ -41,8 +34,7 @@ fn trip(name: &str) -> PathBuf {
 
 #[test]
 fn what_led_to_a_trip_is_played_again_to_the_same_microsecond() {
-    let kept = trip("played");
-    let kept = kept.to_str().unwrap();
+    let kept = &trip();
 
     let text = mgw(&["replay", kept]).success();
     assert!(text.lines().last().unwrap().starts_with("the same; the recording ends "), "{text}");
@@ -67,11 +59,11 @@ fn what_led_to_a_trip_is_played_again_to_the_same_microsecond() {
 
 #[test]
 fn what_is_no_recording_or_plays_otherwise_is_refused_by_name() {
-    let kept = trip("refused");
+    let kept = trip();
     let whole = fs::read(&kept).unwrap();
     let refused = |bytes: &[u8]| {
         fs::write(&kept, bytes).unwrap();
-        mgw(&["replay", kept.to_str().unwrap()]).failure(1)
+        mgw(&["replay", &kept]).failure(1)
     };
     assert!(refused(b"").contains("it is empty: nothing has tripped yet"));
     for bytes in [&b"MGF"[..], &[0; 1_000]] {
@@ -101,10 +93,10 @@ fn what_is_no_recording_or_plays_otherwise_is_refused_by_name() {
 
 /// Sources of a firmware whose virtual board answers what it is told to, and exits so.
 #[cfg(unix)]
-fn sources(name: &str, answer: &str, code: i32) -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("mgw-{}-{name}", std::process::id()));
-    fs::create_dir_all(folder.join(".ci")).unwrap();
-    let player = folder.join(".ci/virtual-board");
+fn sources(name: &str, answer: &str, code: i32) -> String {
+    let folder = file(name);
+    fs::create_dir_all(format!("{folder}/.ci")).unwrap();
+    let player = format!("{folder}/.ci/virtual-board");
     let text = format!(
         "#!/bin/sh\n[ $# = 2 ] && [ \"$1\" = replay ] && [ -f \"$2\" ] || exit 9\n\
                         echo '{answer}'\nexit {code}\n"
@@ -117,9 +109,8 @@ fn sources(name: &str, answer: &str, code: i32) -> PathBuf {
 #[cfg(unix)]
 #[test]
 fn what_the_image_made_of_it_is_told_behind_what_the_core_made_of_it() {
-    let kept = trip("image");
-    let recorded = Recording::trip_of(&fs::read(&kept).unwrap()).unwrap();
-    let kept = kept.to_str().unwrap();
+    let kept = &trip();
+    let recorded = Recording::trip_of(&fs::read(kept).unwrap()).unwrap();
     let late = |us: u64| {
         let played = Trip { time_us: recorded.1.time_us + us, ..recorded.1 };
         let left_out = vec!["lost frames".to_owned()];
@@ -128,8 +119,7 @@ fn what_the_image_made_of_it_is_told_behind_what_the_core_made_of_it() {
     let words = |played: Result<OnImage, &str>| serde_json::to_string(&played).unwrap();
     let answer = |us| words(Ok(late(us)));
 
-    let folder = sources("same", &answer(150), 0);
-    let folder = folder.to_str().unwrap();
+    let folder = &sources("same", &answer(150), 0);
     let text = mgw(&["replay", kept, "--image", folder]).success();
     let lines: Vec<&str> = text.lines().rev().take(3).collect();
     assert!(lines[0].starts_with("on image  t="), "{text}");
@@ -149,7 +139,7 @@ fn what_the_image_made_of_it_is_told_behind_what_the_core_made_of_it() {
         (answer(0), 1, "exit status: 1; it says above why"),
     ] {
         let folder = sources("otherwise", &answer, code);
-        let text = mgw(&["replay", kept, "--image", folder.to_str().unwrap()]).failure(1);
+        let text = mgw(&["replay", kept, "--image", &folder]).failure(1);
         assert!(text.contains(expected), "{text}");
     }
     let text = mgw(&["replay", kept, "--image", "/tmp"]).failure(1);
@@ -158,11 +148,11 @@ fn what_the_image_made_of_it_is_told_behind_what_the_core_made_of_it() {
 
 #[test]
 fn a_file_that_cannot_be_written_is_refused_before_anything_moves() {
-    let notes = file("notes");
-    fs::write(&notes, "what nobody wants to lose").unwrap();
-    for path in ["/dev/full", "/no/such/folder/trip.mgfr", "/tmp", notes.to_str().unwrap()] {
+    let notes = &file("notes");
+    fs::write(notes, "what nobody wants to lose").unwrap();
+    for path in ["/dev/full", "/no/such/folder/trip.mgfr", "/tmp", notes] {
         let text = mgw(&["sim", "--listen", "127.0.0.1:0", "--flight-recorder", path]).failure(2);
         assert!(text.contains(&format!("{path} cannot be the file")), "{text}");
     }
-    assert_eq!(fs::read_to_string(&notes).unwrap(), "what nobody wants to lose");
+    assert_eq!(fs::read_to_string(notes).unwrap(), "what nobody wants to lose");
 }

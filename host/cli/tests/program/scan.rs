@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::{Sim, mgw};
+use crate::support::{Sim, file, mgw};
 
 /// Two RMDs of different dialects with one id, a thruster, two D5 with one id, and an RMD on a line
 /// at another rate.
@@ -60,8 +60,7 @@ fn motors_from_the_box_are_found_and_two_with_one_id_suspected() {
     assert_eq!(motors(&scan(&sim, &bus_0)), [&[doubled], &others[..]].concat());
 
     // As the guide says: one of them is unplugged.
-    sim.process.type_line("motor 1 unplugged");
-    sim.process.wait_for("it", |line| line.contains("motor 1 unplugged").then_some(()));
+    sim.typed("motor 1 unplugged");
     let alone = scan(&sim, &bus_0);
     assert_eq!(motors(&alone), [&[found("rmd", 1, "v4_4", "-")], &others[..]].concat());
     assert_eq!(alone[0]["motors"][0]["model"], "RMD-X4-P36-36");
@@ -113,9 +112,7 @@ fn a_bus_of_an_axis_is_scanned_at_its_own_bitrate_only() {
 #[test]
 fn what_a_scan_finds_becomes_a_configuration_that_turns_the_motors() {
     let mut sim = Sim::with(&FROM_THE_BOX);
-    let file = std::env::temp_dir().join(format!("mgw-{}-robot.toml", std::process::id()));
-    let _ = std::fs::remove_file(&file);
-    let file = file.to_str().expect("text");
+    let file = &*file("robot.toml");
     let adopt = |sim: &Sim, more: &[&str]| {
         let words =
             ["adopt", "0@1000000", "1@210526", "2@500000", "--listen", "0.1", "--thrusters"];
@@ -135,8 +132,7 @@ fn what_a_scan_finds_becomes_a_configuration_that_turns_the_motors() {
 
     // One of each two is unplugged, as the scan says.
     for motor in ["motor 1 unplugged", "motor 5 unplugged"] {
-        sim.process.type_line(motor);
-        sim.process.wait_for("it", |line| line.contains(motor).then_some(()));
+        sim.typed(motor);
     }
     adopt(&sim, &["--stop-action", "hold", "--force"]).success();
     let written = std::fs::read_to_string(file).unwrap();
@@ -161,7 +157,6 @@ fn what_a_scan_finds_becomes_a_configuration_that_turns_the_motors() {
     sim.mgw_once_in_command(&["output-off", "4"]).success();
     let again = sim.mgw_once_in_command(&words).json_lines();
     assert_eq!(again[0]["adopted"], serde_json::json!([]));
-    std::fs::remove_file(file).unwrap();
 }
 
 #[test]
@@ -186,8 +181,7 @@ fn info_says_which_read_told_what_of_the_dialects() {
     ] {
         assert!(text.contains(line), "{text}");
     }
-    sim.process.type_line("motor 0 dialect v4_4");
-    sim.process.wait_for("it", |line| line.contains("motor 0 dialect v4_4").then_some(()));
+    sim.typed("motor 0 dialect v4_4");
     let info = sim.mgw_once_in_command(&["--json", "info"]).json_lines()[0].clone();
     let axis = &info["rmd_axes"][0];
     assert_eq!(axis["recognised_dialect"], "v4_4");
@@ -201,8 +195,7 @@ fn info_says_which_read_told_what_of_the_dialects() {
 #[test]
 fn a_motor_that_sends_alone_ends_no_scan_and_is_found() {
     let mut sim = Sim::with(&["--motor", "0:rmd:1:v4_4"]);
-    sim.process.type_line("motor 0 active-replies");
-    sim.process.wait_for("it", |line| line.contains("active-replies").then_some(()));
+    sim.typed("motor 0 active-replies");
     let scan = sim.mgw_once_in_command(&["scan", "0@1000000"]).success();
     assert!(scan.contains("  0  1000000  rmd 1"), "{scan}");
 }

@@ -85,6 +85,15 @@ pub fn state_home() -> PathBuf {
     HOME.with(|home| home.0.clone())
 }
 
+/// A file or a folder of this test alone, which is not there and ends with the test.
+pub fn file(name: &str) -> String {
+    let home = state_home();
+    std::fs::create_dir_all(&home).expect("a folder");
+    let path = home.join(name);
+    let _ = std::fs::remove_file(&path);
+    path.to_str().expect("text").to_owned()
+}
+
 /// The program, its pipes open.
 pub fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_mgw"));
@@ -333,6 +342,17 @@ impl Sim {
     /// Runs the program against it.
     pub fn mgw(&self, arguments: &[&str]) -> Outcome {
         mgw(&[&["--port", &self.port], arguments].concat())
+    }
+
+    /// Types a line into the simulator, and waits until it has done that.
+    pub fn typed(&mut self, line: &str) {
+        self.process.type_line(line);
+        self.process.wait_for(line, |said| said.ends_with(line).then_some(()));
+    }
+
+    /// Runs the program against it with these words as soon as nobody else is in command.
+    pub fn once(&self, words: &str) -> Outcome {
+        self.mgw_once_in_command(&words.split(' ').collect::<Vec<_>>())
     }
 
     /// Repeats a command that needs authority until a host that has gone no longer holds it.

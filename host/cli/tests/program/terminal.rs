@@ -3,11 +3,12 @@
 use std::fs::File;
 use std::io::Read;
 use std::net::TcpListener;
+use std::path::Path;
 use std::process::Stdio;
 
 use nix::pty::openpty;
 
-use crate::support::{command, mgw};
+use crate::support::{command, file, mgw};
 
 /// Runs the program to its end with a terminal as standard error, and returns what that showed.
 fn on_a_terminal(arguments: &[&str], no_color: &str) -> String {
@@ -63,12 +64,11 @@ fn the_manual_has_a_page_for_each_command() {
     let page = mgw(&["man", "move"]).success();
     assert!(page.contains("Arm an axis, move it by a distance") && page.contains("tolerance"));
     assert!(mgw(&["man", "fly"]).failure(2).contains("There are: demo, sim, serve, info"));
-    let dir = std::env::temp_dir().join(format!("mgw-{}-man", std::process::id()));
+    let dir = file("man");
     std::fs::create_dir(&dir).unwrap();
-    mgw(&["man", "--dir", dir.to_str().unwrap()]).success();
-    let has_page = |name: &str| dir.join(name).is_file();
+    mgw(&["man", "--dir", &dir]).success();
+    let has_page = |name: &str| Path::new(&dir).join(name).is_file();
     assert!(["mgw.1", "mgw-set.1", "mgw-raw-listen.1"].into_iter().all(has_page));
-    std::fs::remove_dir_all(&dir).unwrap();
 }
 
 #[test]

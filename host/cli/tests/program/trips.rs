@@ -1,7 +1,7 @@
 //! `mgw trips show`: what a gateway's flight recorder has kept, read over the host link.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 
 use flight_recorder::Recording;
 use host_protocol::replies::{FlightRecordPage, MAX_FLIGHT_RECORD_BYTES};
@@ -9,13 +9,7 @@ use host_protocol::{Reply, Request};
 
 use crate::hostile_text::hostile_reply;
 use crate::server::Server;
-use crate::support::{Outcome, Process, Sim, json, mgw, scripted_gateway};
-
-fn file(name: &str) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("mgw-{}-{name}.mgfr", std::process::id()));
-    let _ = fs::remove_file(&path);
-    path
-}
+use crate::support::{Outcome, Process, Sim, file, json, mgw, scripted_gateway};
 
 /// Presses the e-stop while axis 0 is armed: it trips, and nothing moves any more.
 fn trip(sim: &mut Sim) {
@@ -58,8 +52,7 @@ fn what_led_to_a_trip_is_read_shown_and_kept() {
     assert_eq!(show(&sim, &["0"]).success(), shown, "it is the latest trip");
 
     // The file says the same.
-    let kept = file("shown");
-    let kept = kept.to_str().unwrap();
+    let kept = &file("shown");
     let saved = show(&sim, &["--around", "0.005", "--save", kept]);
     assert!(saved.stderr.contains(&format!("what led to it is in {kept}")), "{saved:?}");
     assert_eq!(mgw(&["replay", kept, "--around", "0.005"]).success(), saved.success());
@@ -68,13 +61,13 @@ fn what_led_to_a_trip_is_read_shown_and_kept() {
     assert_eq!(lines.last().unwrap()["is_same"], true);
 
     // What is no recording is not overwritten, and the recorder is not even asked.
-    let notes = file("notes-of-somebody");
-    fs::write(&notes, "what nobody wants to lose").unwrap();
-    for path in [notes.to_str().unwrap(), "/no/such/folder/trip.mgfr"] {
+    let notes = &*file("notes-of-somebody");
+    fs::write(notes, "what nobody wants to lose").unwrap();
+    for path in [notes, "/no/such/folder/trip.mgfr"] {
         let text = show(&sim, &["--save", path]).failure(1);
         assert!(text.contains(&format!("cannot write {path} (")), "{text}");
     }
-    assert_eq!(fs::read_to_string(&notes).unwrap(), "what nobody wants to lose");
+    assert_eq!(fs::read_to_string(notes).unwrap(), "what nobody wants to lose");
 }
 
 #[test]
@@ -98,10 +91,10 @@ fn it_keeps_one_trip_until_an_axis_is_armed_again() {
     trip(&mut sim);
     assert!(show(&sim, &["0"]).success().contains("the same"));
     let kept = file("not-this-one");
-    let text = show(&sim, &["1", "--save", kept.to_str().unwrap()]).failure(1);
+    let text = show(&sim, &["1", "--save", &kept]).failure(1);
     assert!(text.contains("keeps one trip: trip 0, that of axis 0 at t="), "{text}");
     assert!(text.contains("and not that of axis 0 at t="), "{text}");
-    assert!(!kept.exists(), "it was not asked for");
+    assert!(!Path::new(&kept).exists(), "it was not asked for");
     let text = show(&sim, &["2"]).failure(1);
     assert!(text.contains("there is no trip 2: the gateway remembers 2"), "{text}");
 }
@@ -148,11 +141,10 @@ fn keeps(memory: Vec<u8>) -> String {
 fn what_another_build_has_recorded_is_told_and_kept() {
     let mut sim = Sim::patient();
     trip(&mut sim);
-    let kept = file("another-build");
-    let path = kept.to_str().unwrap();
+    let path = &file("another-build");
     show(&sim, &["--save", path]).success();
-    let memory = of_another_build(&fs::read(&kept).unwrap());
-    fs::remove_file(&kept).unwrap();
+    let memory = of_another_build(&fs::read(path).unwrap());
+    fs::remove_file(path).unwrap();
 
     let ours = env!("CARGO_PKG_VERSION");
     let builds = format!("recorded by simulated {ours} (simulator), and this is mgw {ours}");
@@ -164,7 +156,7 @@ fn what_another_build_has_recorded_is_told_and_kept() {
     let port = keeps(memory.clone());
     let text = mgw(&["--port", &port, "trips", "show", "--save", path]).failure(1);
     assert!(text.contains(&builds) && text.contains(&format!("is in {path}")), "{text}");
-    let saved = fs::read(&kept).unwrap();
+    let saved = fs::read(path).unwrap();
     assert_eq!(saved, [&memory[..], &Recording::checksum(&memory)].concat());
     assert!(mgw(&["replay", path]).failure(1).contains(&builds));
 }

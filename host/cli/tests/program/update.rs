@@ -1,7 +1,6 @@
 //! Another firmware for a simulated gateway, typed as a user would.
 
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use firmware_image::{FirmwareVersion, Header, NO_KEY};
@@ -10,39 +9,18 @@ use salty::{Keypair, Sha512};
 use serde_json::{Value, json};
 
 use crate::server::Server;
-use crate::support::{LIMIT, Outcome, Process, Sim, json, mgw, state_home};
+use crate::support::{LIMIT, Outcome, Process, Sim, file, json, mgw};
 
-/// Files of one test.
-struct Files(PathBuf);
-
-impl Files {
-    fn new(name: &str) -> Self {
-        let folder = state_home().join(name);
-        fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
-    fn put(&self, name: &str, bytes: &[u8]) -> String {
-        let path = self.0.join(name);
-        fs::write(&path, bytes).unwrap();
-        text(&path)
-    }
-
-    /// An image of the simulated board: version 0.minor.0.
-    fn image(&self, minor: u16, key: [u8; 32]) -> (String, Vec<u8>) {
-        let bytes = image(&header(minor, "simulated", key), &[0x5A; 5_000]);
-        (self.put(&format!("0.{minor}.bin"), &bytes), bytes)
-    }
+fn put(name: &str, bytes: &[u8]) -> String {
+    let path = file(name);
+    fs::write(&path, bytes).unwrap();
+    path
 }
 
-impl Drop for Files {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-fn text(path: &Path) -> String {
-    path.to_str().unwrap().to_owned()
+/// An image of the simulated board: version 0.minor.0.
+fn image_file(minor: u16, key: [u8; 32]) -> (String, Vec<u8>) {
+    let bytes = image(&header(minor, "simulated", key), &[0x5A; 5_000]);
+    (put(&format!("0.{minor}.bin"), &bytes), bytes)
 }
 
 fn header(minor: u16, board: &str, key: [u8; 32]) -> Header {
@@ -85,8 +63,8 @@ fn update(sim: &Sim, arguments: &[&str]) -> Outcome {
 
 #[test]
 fn a_newer_firmware_is_sent_started_and_kept() {
-    let (sim, files) = (Sim::start(), Files::new("update"));
-    let (file, bytes) = files.image(2, NO_KEY);
+    let sim = Sim::start();
+    let (file, bytes) = image_file(2, NO_KEY);
     assert_eq!(runs(&sim), kept("0.1.0", false));
     let_go(&sim);
     let told = sim.mgw_once_in_command(&["--json", "update", &file]).json_lines();
@@ -104,20 +82,20 @@ fn a_newer_firmware_is_sent_started_and_kept() {
     let_go(&sim);
     sim.mgw_once_in_command(&["arm", "0", "--for", "0.1"]).success();
 
-    let text = sim.mgw(&["update", &files.image(1, NO_KEY).0]).failure(1);
+    let text = sim.mgw(&["update", &image_file(1, NO_KEY).0]).failure(1);
     assert!(text.contains("the image is version 0.1.0, older than 0.2.0, which runs"), "{text}");
-    let text = update(&sim, &[&files.image(1, NO_KEY).0, "--allow-older"]).success();
+    let text = update(&sim, &[&image_file(1, NO_KEY).0, "--allow-older"]).success();
     assert!(text.ends_with("confirmed version 0.1.0 runs, and is kept\n"), "{text}");
 }
 
 #[test]
 fn what_no_gateway_would_take_is_refused_before_anything_is_sent() {
-    let (sim, files) = (Sim::start(), Files::new("refused"));
-    let (file, bytes) = files.image(2, NO_KEY);
-    let other = files.put("other", &image(&header(2, "nucleo-h743zi", NO_KEY), &[]));
-    let long = files.put("long", &image(&header(2, "simulated", NO_KEY), &vec![0; 512 << 10]));
-    let none = files.put("none", &bytes[1..]);
-    let short = files.put("short.sig", &[0; 63]);
+    let sim = Sim::start();
+    let (file, bytes) = image_file(2, NO_KEY);
+    let other = put("other", &image(&header(2, "nucleo-h743zi", NO_KEY), &[]));
+    let long = put("long", &image(&header(2, "simulated", NO_KEY), &vec![0; 512 << 10]));
+    let none = put("none", &bytes[1..]);
+    let short = put("short.sig", &[0; 63]);
     // It holds from then on.
     sim.mgw_once_in_command(&["arm", "0", "--for", "0.1"]).success();
     for (arguments, code, expected) in [
@@ -149,32 +127,32 @@ fn what_no_gateway_would_take_is_refused_before_anything_is_sent() {
 
 #[test]
 fn a_gateway_with_a_key_takes_only_what_is_signed() {
-    let (sim, files) = (Sim::start(), Files::new("signed"));
+    let sim = Sim::start();
     let pair = Keypair::from(&[7; 32]);
     let key = *pair.public.as_bytes();
-    let (plain, _) = files.image(2, NO_KEY);
+    let (plain, _) = image_file(2, NO_KEY);
     // DER as openssl writes it.
     let der = [b"\x30\x2a\x30\x05\x06\x03\x2b\x65\x70\x03\x21\x00".as_slice(), &key].concat();
-    let (der, raw) = (files.put("key.der", &der), files.put("key", &key));
-    let keyed = text(&files.0.join("keyed.bin"));
+    let (der, raw) = (put("key.der", &der), put("key", &key));
+    let keyed = file("keyed.bin");
     let said = mgw(&["image", &plain, "--output", &keyed, "--key", &der]).success();
     assert!(said.contains("takes only images signed with its key"), "{said}");
-    let same = text(&files.0.join("same.bin"));
+    let same = file("same.bin");
     mgw(&["image", &plain, "--output", &same, "--key", &raw]).success();
     assert_eq!(fs::read(&keyed).unwrap(), fs::read(&same).unwrap());
     let text_of = mgw(&["image", &plain, "--output", &same, "--key", &plain]).failure(2);
     assert!(text_of.contains("is no Ed25519 public key"), "{text_of}");
-    let zeros = files.put("zeros.key", &[0; 32]);
+    let zeros = put("zeros.key", &[0; 32]);
     let text_of = mgw(&["image", &plain, "--output", &same, "--key", &zeros]).failure(2);
     assert!(text_of.contains("zeros stand for no key"), "{text_of}");
-    let pem = files.put("key.pem", b"-----BEGIN PUBLIC KEY-----\n");
+    let pem = put("key.pem", b"-----BEGIN PUBLIC KEY-----\n");
     let text_of = mgw(&["image", &plain, "--output", &same, "--key", &pem]).failure(2);
     assert!(text_of.contains("it is PEM, and DER is wanted"), "{text_of}");
     // Whoever puts a key into a board has its other half.
     let signed = |name: &str, bytes: &[u8]| {
         let mut hash = Sha512::new();
         hash.update(bytes);
-        files.put(name, &pair.sign(&hash.finalize()).to_bytes())
+        put(name, &pair.sign(&hash.finalize()).to_bytes())
     };
     let text = sim.mgw(&["update", &keyed]).failure(1);
     assert!(text.contains("must be signed with its other half"), "{text}");
@@ -187,10 +165,10 @@ fn a_gateway_with_a_key_takes_only_what_is_signed() {
     update(&sim, &[&keyed, "--signature", &signature]).success();
     assert_eq!(runs(&sim), kept("0.2.0", true));
 
-    let (next, bytes) = files.image(3, key);
+    let (next, bytes) = image_file(3, key);
     let text = sim.mgw(&["update", &next]).failure(1);
     assert!(text.contains("takes only signed images: --signature FILE"), "{text}");
-    let forged = files.put("forged.sig", &[9; 64]);
+    let forged = put("forged.sig", &[9; 64]);
     let text = update(&sim, &[&next, "--signature", &forged]).failure(1);
     assert!(text.contains("this signature is none of that key"), "{text}");
     assert_eq!(runs(&sim), kept("0.2.0", true));
@@ -202,9 +180,9 @@ fn a_gateway_with_a_key_takes_only_what_is_signed() {
 
 #[test]
 fn an_update_that_is_killed_halfway_changes_nothing() {
-    let (sim, files) = (Sim::start(), Files::new("killed"));
+    let sim = Sim::start();
     let bytes = image(&header(2, "simulated", NO_KEY), &vec![0xA7; 400_000]);
-    let file = files.put("large.bin", &bytes);
+    let file = put("large.bin", &bytes);
     let_go(&sim);
     let mut killed = Process::start(&["--port", &sim.port, "update", &file]);
     killed.wait_for("a part", |line| line.starts_with("written").then_some(()));
@@ -219,8 +197,8 @@ fn an_update_that_is_killed_halfway_changes_nothing() {
 /// A command that only reads has axes carry something out for it, beside which nothing is written.
 #[test]
 fn an_update_goes_on_while_another_program_reads() {
-    let (sim, files) = (Sim::start(), Files::new("read"));
-    let file = files.put("long.bin", &image(&header(2, "simulated", NO_KEY), &vec![1; 100_000]));
+    let sim = Sim::start();
+    let file = put("long.bin", &image(&header(2, "simulated", NO_KEY), &vec![1; 100_000]));
     let_go(&sim);
     let update = Process::start(&["--port", &sim.port, "update", &file]);
     update.wait_for("a part", |line| line.starts_with("written").then_some(()));
@@ -234,8 +212,8 @@ fn an_update_goes_on_while_another_program_reads() {
 
 #[test]
 fn nothing_is_sent_while_an_axis_is_armed() {
-    let (sim, files) = (Sim::patient(), Files::new("armed"));
-    let (file, _) = files.image(2, NO_KEY);
+    let sim = Sim::patient();
+    let (file, _) = image_file(2, NO_KEY);
     sim.mgw_beside(&["arm", "0", "--for", "2"], "0", &["armed"], || {
         let text = sim.mgw(&["update", &file]).failure(1);
         assert!(text.contains("axis 0 (armed) is not"), "{text}");
@@ -245,8 +223,8 @@ fn nothing_is_sent_while_an_axis_is_armed() {
 
 #[test]
 fn an_update_passes_a_server_which_tells_of_it() {
-    let (sim, files) = (Sim::start(), Files::new("served"));
-    let (file, _) = files.image(2, NO_KEY);
+    let sim = Sim::start();
+    let (file, _) = image_file(2, NO_KEY);
     let_go(&sim);
     let server = Server::start(&sim.port, &[]);
     let text = mgw(&["--port", &server.port, "update", &file]).success();

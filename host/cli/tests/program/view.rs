@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket, client::client};
 
 use crate::flood::Flood;
-use crate::support::{LIMIT, Process, Sim, json, mgw};
+use crate::support::{LIMIT, Process, Sim, file, json, mgw};
 
 /// A page in command says this often that it is there.
 const BEAT: Duration = Duration::from_millis(50);
@@ -551,8 +551,7 @@ fn a_flood_holds_up_no_stop_and_what_is_not_recorded_is_counted() {
     let flood = Arc::new(Flood::default());
     let (served, gateway) = (flood.clone(), sim.port.trim_start_matches("tcp:").to_owned());
     thread::spawn(move || served.serve(&listener, &gateway, 8_000));
-    let file = std::env::temp_dir().join(format!("mgw-view-{}.mcap", std::process::id()));
-    let path = file.to_str().unwrap().to_owned();
+    let path = file("view.mcap");
     let mut view = View::start(&cable, &["--view-period", "1", "--record", &path, "--force"]);
     // One reads and draws nothing, and one does.
     let mut slow = view.page();
@@ -606,5 +605,4 @@ fn a_flood_holds_up_no_stop_and_what_is_not_recorded_is_counted() {
     }
     assert_eq!(view.process.interrupt(), Some(0));
     lost();
-    let _ = std::fs::remove_file(file);
 }
