@@ -1,85 +1,34 @@
-//! Numbers and bytes as text, appended to a buffer.
+//! Numbers and bytes as text, appended to a buffer. Writing to a vector does not fail.
 
 use std::io::Write;
 
-/// Fast path of physical values: whole hundredths, which are most of the quantities of the three
-/// protocols.
-const HUNDREDTHS: f64 = 100.0;
-/// Up to here a count of hundredths and its decimal text mean the same `f64`.
-const EXACT: f64 = 1e15;
-
 const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
-/// Digits of the longest `u64`.
-const MOST_DIGITS: usize = 20;
 
 /// Appends a whole number.
 pub fn push_integer(line: &mut Vec<u8>, value: i64) {
-    if value < 0 {
-        line.push(b'-');
-    }
-    push_unsigned(line, value.unsigned_abs());
-}
-
-fn push_unsigned(line: &mut Vec<u8>, value: u64) {
-    let mut digits = [0; MOST_DIGITS];
-    let (mut rest, mut used) = (value, 0);
-    for place in digits.iter_mut().rev() {
-        *place = digit(rest % 10);
-        rest /= 10;
-        used += 1;
-        if rest == 0 {
-            break;
-        }
-    }
-    line.extend_from_slice(digits.get(MOST_DIGITS - used..).unwrap_or_default());
-}
-
-fn digit(value: u64) -> u8 {
-    usize::try_from(value).ok().and_then(|value| DIGITS.get(value)).copied().unwrap_or_default()
+    let _ = write!(line, "{value}");
 }
 
 /// Appends the shortest decimal text that means this number, or `null` for what JSON has no number
 /// for.
 pub fn push_physical(line: &mut Vec<u8>, value: f64) {
-    if !value.is_finite() {
+    if value.is_finite() {
+        // A zero has no sign.
+        let _ = write!(line, "{}", value + 0.0);
+    } else {
         line.extend_from_slice(b"null");
-        return;
-    }
-    let count = (value * HUNDREDTHS).round();
-    if count.abs() > EXACT || count / HUNDREDTHS != value {
-        // Writing to a vector does not fail.
-        let _ = write!(line, "{value}");
-        return;
-    }
-    if count < 0.0 {
-        line.push(b'-');
-    }
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "whole, positive, below 1e15"
-    )]
-    let count = count.abs() as u64;
-    push_unsigned(line, count / 100);
-    let (tenths, hundredths) = (count / 10 % 10, count % 10);
-    if (tenths, hundredths) != (0, 0) {
-        line.extend_from_slice(&[b'.', digit(tenths)]);
-    }
-    if hundredths != 0 {
-        line.push(digit(hundredths));
     }
 }
 
-/// Appends bytes in hexadecimal, upper case.
+/// Appends bytes in hexadecimal, upper case: the most that is written, so not by `write!`.
 pub fn push_hex(line: &mut Vec<u8>, bytes: &[u8]) {
-    for byte in bytes {
-        line.extend_from_slice(&[digit(u64::from(byte >> 4)), digit(u64::from(byte & 0x0F))]);
-    }
+    let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 0x0F]);
+    line.extend(digits.filter_map(|digit| DIGITS.get(usize::from(digit))));
 }
 
 /// Appends a CAN id in hexadecimal: 3 digits or, extended, 8.
-pub fn push_id(line: &mut Vec<u8>, id: u32, digits: u32) {
-    line.extend((0..digits).rev().map(|place| digit(u64::from(id >> (4 * place) & 0x0F))));
+pub fn push_id(line: &mut Vec<u8>, id: u32, digits: usize) {
+    let _ = write!(line, "{id:0digits$X}");
 }
 
 #[cfg(test)]

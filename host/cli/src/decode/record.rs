@@ -20,8 +20,8 @@ const COMMAND_WIDTH: usize = 25;
 const GAP: usize = 2;
 
 /// Digits of CAN ids.
-const STANDARD_DIGITS: u32 = 3;
-const EXTENDED_DIGITS: u32 = 8;
+const STANDARD_DIGITS: usize = 3;
+const EXTENDED_DIGITS: usize = 8;
 
 /// Bytes as they were captured.
 pub enum Raw<'a> {
