@@ -17,6 +17,28 @@ pub struct Column<T> {
     pub cell: fn(&T) -> String,
 }
 
+impl<T> Column<T> {
+    /// Of text.
+    pub const fn left(
+        heading: &'static str,
+        width: usize,
+        weight: u8,
+        cell: fn(&T) -> String,
+    ) -> Self {
+        Self { heading, width, right: false, weight, cell }
+    }
+
+    /// Of numbers.
+    pub const fn right(
+        heading: &'static str,
+        width: usize,
+        weight: u8,
+        cell: fn(&T) -> String,
+    ) -> Self {
+        Self { heading, width, right: true, weight, cell }
+    }
+}
+
 /// The columns that fit into so many characters, in their order.
 pub fn that_fit<T>(columns: &[Column<T>], width: usize) -> Vec<&Column<T>> {
     let mut fitting: Vec<&Column<T>> = columns.iter().collect();

@@ -201,113 +201,41 @@ fn message(view: &View, width: usize, height: usize, paint: Paint) -> Vec<Line<'
 
 fn axis_columns<'a>() -> [Column<AxisRow<'a>>; 9] {
     [
-        Column { heading: " axis", width: 5, right: false, weight: 9, cell: axis_number },
-        Column {
-            heading: "name",
-            width: 10,
-            right: false,
-            weight: 2,
-            cell: |row| row.axis.name.clone().unwrap_or_default(),
-        },
-        Column {
-            heading: "protocol",
-            width: 8,
-            right: false,
-            weight: 4,
-            cell: |row| row.axis.protocol.map_or(NOTHING, |protocol| protocol.name()).to_owned(),
-        },
-        Column {
-            heading: "state",
-            width: 12,
-            right: false,
-            weight: 9,
-            cell: |row| state(row.axis.state).to_owned(),
-        },
-        Column {
-            heading: "rad",
-            width: 9,
-            right: true,
-            weight: 7,
-            cell: |row| reading(row, StateField::Position, 3),
-        },
-        Column {
-            heading: "rad/s",
-            width: 8,
-            right: true,
-            weight: 8,
-            cell: |row| reading(row, StateField::Velocity, 2),
-        },
-        Column {
-            heading: "A",
-            width: 7,
-            right: true,
-            weight: 6,
-            cell: |row| reading(row, StateField::Current, 2),
-        },
-        Column { heading: "°C", width: 4, right: true, weight: 3, cell: temperature },
-        Column { heading: "age", width: 6, right: true, weight: 5, cell: age },
+        Column::left(" axis", 5, 9, axis_number),
+        Column::left("name", 10, 2, |row| row.axis.name.clone().unwrap_or_default()),
+        Column::left("protocol", 8, 4, |row| {
+            row.axis.protocol.map_or(NOTHING, |protocol| protocol.name()).to_owned()
+        }),
+        Column::left("state", 12, 9, |row| state(row.axis.state).to_owned()),
+        Column::right("rad", 9, 7, |row| reading(row, StateField::Position, 3)),
+        Column::right("rad/s", 8, 8, |row| reading(row, StateField::Velocity, 2)),
+        Column::right("A", 7, 6, |row| reading(row, StateField::Current, 2)),
+        Column::right("°C", 4, 3, temperature),
+        Column::right("age", 6, 5, age),
     ]
 }
 
 const BUS_COLUMNS: [Column<Bus>; 9] = [
-    Column {
-        heading: "  bus",
-        width: 5,
-        right: true,
-        weight: 9,
-        cell: |bus| bus.number.to_string(),
-    },
-    Column {
-        heading: "name",
-        width: 10,
-        right: false,
-        weight: 1,
-        cell: |bus| bus.name.clone().unwrap_or_default(),
-    },
-    Column { heading: "kind", width: 5, right: false, weight: 2, cell: |bus| bus.kind.to_string() },
-    Column {
-        heading: "bit/s",
-        width: 7,
-        right: true,
-        weight: 3,
-        cell: |bus| {
-            let config = bus.report.and_then(|report| report.config);
-            config.map_or(NOTHING.to_owned(), |config| config.bitrate.to_string())
-        },
-    },
-    Column {
-        heading: "state",
-        width: 12,
-        right: false,
-        weight: 8,
-        cell: |bus| bus.report.map_or(NOTHING.to_owned(), |report| report.state.to_string()),
-    },
-    Column {
-        heading: "load",
-        width: 6,
-        right: true,
-        weight: 7,
-        cell: |bus| {
-            bus.load_at_most().map_or(NOTHING.to_owned(), |load| format!("≤{:.0} %", load * 100.0))
-        },
-    },
-    Column {
-        heading: "sent/s",
-        width: 6,
-        right: true,
-        weight: 4,
-        cell: |bus| bus.rates().map_or(NOTHING.to_owned(), |(sent, _)| format!("{sent:.0}")),
-    },
-    Column {
-        heading: "recv/s",
-        width: 6,
-        right: true,
-        weight: 4,
-        cell: |bus| {
-            bus.rates().map_or(NOTHING.to_owned(), |(_, received)| format!("{received:.0}"))
-        },
-    },
-    Column { heading: "errors", width: 15, right: false, weight: 6, cell: errors },
+    Column::right("  bus", 5, 9, |bus| bus.number.to_string()),
+    Column::left("name", 10, 1, |bus| bus.name.clone().unwrap_or_default()),
+    Column::left("kind", 5, 2, |bus| bus.kind.to_string()),
+    Column::right("bit/s", 7, 3, |bus| {
+        let config = bus.report.and_then(|report| report.config);
+        config.map_or(NOTHING.to_owned(), |config| config.bitrate.to_string())
+    }),
+    Column::left("state", 12, 8, |bus| {
+        bus.report.map_or(NOTHING.to_owned(), |report| report.state.to_string())
+    }),
+    Column::right("load", 6, 7, |bus| {
+        bus.load_at_most().map_or(NOTHING.to_owned(), |load| format!("≤{:.0} %", load * 100.0))
+    }),
+    Column::right("sent/s", 6, 4, |bus| {
+        bus.rates().map_or(NOTHING.to_owned(), |(sent, _)| format!("{sent:.0}"))
+    }),
+    Column::right("recv/s", 6, 4, |bus| {
+        bus.rates().map_or(NOTHING.to_owned(), |(_, received)| format!("{received:.0}"))
+    }),
+    Column::left("errors", 15, 6, errors),
 ];
 
 fn axis_number(row: &AxisRow<'_>) -> String {
