@@ -4,13 +4,8 @@
 use std::time::Duration;
 
 use clap::ValueEnum;
-use host_protocol::replies::{
-    AxisReport, BusReport, GatewayReport, HelloReply, ImageReport, StoredReport,
-};
-use host_protocol::{
-    AxisSummary, Bytes, CycleResult, Error, EventMessage, Incident, MAX_CAN_DATA, Quantity,
-    SlowState, parameters,
-};
+use host_protocol::replies::AxisReport;
+use host_protocol::{AxisSummary, Bytes, Error, MAX_CAN_DATA, Quantity, SlowState, parameters};
 use mgw_client::{Client, ClientError, Transport, server_port};
 use serde_json::{Value, json};
 
@@ -20,13 +15,17 @@ use crate::config::{self, BoardPorts, Configuration, Source};
 use crate::decode;
 use crate::encode;
 use crate::failure::{self, Failure};
-use crate::faults::Protocols;
 use crate::find;
 use crate::json;
 use crate::native_request;
 use crate::output::to_json;
 
+pub use crate::config::schema as configuration_schema;
 pub use crate::delays::pairing::{asks, may_answer};
+pub use crate::faults::Protocols as Motors;
+pub use crate::json::cycle::result;
+pub use crate::json::event;
+pub use crate::json::gateway::{bus, incident, info};
 
 /// Why something has no result.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,32 +118,6 @@ pub fn open(named: Option<&str>) -> Result<Box<dyn Transport + Send>, Problem> {
     Ok(mgw_client::open(&port).map_err(find::explain)?)
 }
 
-/// What the motors of a gateway speak, so that their faults have names.
-#[derive(Debug, Clone, Default)]
-pub struct Motors(Protocols);
-
-impl Motors {
-    /// As the gateway lists its axes.
-    pub fn new(axes: &[AxisSummary]) -> Self {
-        Self(Protocols::new(axes))
-    }
-}
-
-/// What a gateway is, and how.
-pub fn info(
-    hello: &HelloReply,
-    status: &GatewayReport,
-    stored: &StoredReport,
-    image: &ImageReport,
-) -> Value {
-    json::gateway::info(hello, status, stored, image)
-}
-
-/// How a bus is.
-pub fn bus(bus: u8, report: &BusReport) -> Value {
-    json::gateway::bus(bus, report)
-}
-
 /// One axis of a list.
 pub fn axis(summary: &AxisSummary) -> Value {
     json::axis::summary(summary, summary.missing.and_then(parameters::name))
@@ -152,22 +125,7 @@ pub fn axis(summary: &AxisSummary) -> Value {
 
 /// How an axis is.
 pub fn state(report: &AxisReport, motors: &Motors) -> Value {
-    json::axis::report(report, motors.0.of(report.axis))
-}
-
-/// An event of the gateway.
-pub fn event(message: &EventMessage, motors: &Motors) -> Value {
-    json::event(message, &motors.0)
-}
-
-/// Something that the gateway remembers over a reset.
-pub fn incident(incident: &Incident, motors: &Motors) -> Value {
-    json::gateway::incident(incident, &motors.0)
-}
-
-/// What became of a setpoint in a cycle; one that was refused: the name of the error.
-pub fn result(result: CycleResult) -> String {
-    json::cycle::result(result)
+    json::axis::report(report, motors.of(report.axis))
 }
 
 /// What a free-running cycle tells of one axis in turns.
@@ -226,11 +184,6 @@ pub fn configure<T: Transport>(
 /// As [`Client::request`].
 pub fn configuration<T: Transport>(client: &mut Client<T>) -> Result<String, Problem> {
     Ok(config::dump(&config::read(client)?))
-}
-
-/// The JSON schema of a configuration file.
-pub fn configuration_schema() -> Value {
-    config::schema()
 }
 
 /// A command of a motor's manual by its name, and what is known of it before it is sent.

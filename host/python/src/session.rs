@@ -241,7 +241,7 @@ impl Session {
         py: Python<'py>,
         act: impl FnOnce(&mut Inner, &Motors) -> Result<Value, Failed> + Send,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let motors = self.motors.lock().clone();
+        let motors = *self.motors.lock();
         let value = self.run(py, |client| act(client, &motors))?;
         to_python(py, &value)
     }
