@@ -6,12 +6,12 @@ use std::io::Write;
 use std::path::Path;
 
 use gateway::AxisRules;
-use host_protocol::{AxisParameter, BusKind, Protocol, StopAction, Text, Value};
+use host_protocol::{AxisParameter, BusKind, Protocol, StopAction, Subject, Text, Value};
 use serde_json::json;
 
 use super::scan;
 use crate::args::AdoptArgs;
-use crate::config::{self, Configuration, NEW_BUS, Row};
+use crate::config::{self, Configuration, NEW_BUS};
 use crate::failure::Failure;
 use crate::scan::{Found, Scanned};
 use crate::session::Session;
@@ -130,7 +130,7 @@ impl Proposal {
         let is_taken = |name: &str| self.wanted.names.values().any(|of| of.as_str() == name);
         let free = [of_motor, of_both].into_iter().find(|name| !is_taken(name));
         if let Some(name) = free.and_then(|name| Text::try_from(name.as_str()).ok()) {
-            self.wanted.names.insert(Row::Axis(axis), name);
+            self.wanted.names.insert(Subject::Axis(axis), name);
         }
     }
 

@@ -2,14 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use host_protocol::{AxisParameter, Change};
+use host_protocol::{AxisParameter, Change, Subject};
 use mgw_client::ClientError;
 use serde_json::{Value as Json, json};
 
 use crate::args::{ConfigAction, ConfigFile, ConfigRow};
-use crate::config::{
-    self, BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NEW_BUS, Row, Source,
-};
+use crate::config::{self, BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NEW_BUS, Source};
 use crate::failure::Failure;
 use crate::json;
 use crate::motor::Unfinished;
@@ -234,13 +232,13 @@ fn dump(session: &mut Session, template: Option<&Source>) -> Result<(), Failure>
 /// Changes a row of the configuration of the gateway.
 fn change(
     session: &mut Session,
-    row: Row,
+    row: Subject,
     alter: impl FnOnce(&mut Configuration) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let running = begin(session)?;
     let mut wanted = running.clone();
     alter(&mut wanted)?;
-    if let Row::Bus(bus) = row
+    if let Subject::Bus(bus) = row
         && let Some(config) = wanted.buses.get(&bus)
         && (config.bitrate == NEW_BUS.bitrate || config.protocols == NEW_BUS.protocols)
     {
@@ -251,7 +249,7 @@ fn change(
     wanted.refuse_name_of_nothing(row)?;
     let changes = running.changes_to(&wanted);
     make(session, &changes)?;
-    done(session, format!("{row} configured"), changes.len())
+    done(session, format!("{} configured", config::title(row)), changes.len())
 }
 
 /// Makes all changes or none.
@@ -318,11 +316,11 @@ fn show(session: &mut Session, axis: u8) -> Result<(), Failure> {
 
 impl ConfigRow {
     /// Which row, and what is said of it.
-    fn parts(&self, session: &mut Session) -> Result<(Row, &[String]), Failure> {
+    fn parts(&self, session: &mut Session) -> Result<(Subject, &[String]), Failure> {
         Ok(match self {
-            Self::Gateway { words } => (Row::Gateway, words),
-            Self::Bus { bus, words } => (Row::Bus(session.bus(bus)?), words),
-            Self::Axis { axis, words } => (Row::Axis(session.axis(axis)?), words),
+            Self::Gateway { words } => (Subject::Gateway, words),
+            Self::Bus { bus, words } => (Subject::Bus(session.bus(bus)?), words),
+            Self::Axis { axis, words } => (Subject::Axis(session.axis(axis)?), words),
         })
     }
 }

@@ -30,7 +30,7 @@ pub fn read<T: Transport>(client: &mut Client<T>) -> Result<Configuration, Clien
         }
     }
     for named in client.names()? {
-        configuration.names.insert(named.of.into(), named.name);
+        configuration.names.insert(named.of, named.name);
     }
     Ok(configuration)
 }

@@ -1,14 +1,16 @@
 //! What a gateway would refuse of a configuration: asked of the gateway's own core, which runs here
 //! on a board like the one that it is for. It is asked row by row, so that all errors are found.
 
+use std::mem::discriminant;
+
 use gateway::{AxisRules, Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort};
 use host_protocol::{
     AxisParameter, BootReason, BusKind, Change, Deframer, Error, Kind, MAX_FRAME, PROTOCOL_MAJOR,
-    PROTOCOL_MINOR, ProtocolSet, Quantity, Request, Value, requests,
+    PROTOCOL_MINOR, ProtocolSet, Quantity, Request, Subject, Value, requests,
 };
 
 use super::file::File;
-use super::{BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NAME, Row};
+use super::{BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NAME};
 use crate::parameters;
 
 /// What is wrong with what a file makes of a configuration, for a board.
@@ -18,7 +20,7 @@ pub fn check(file: &File, configuration: &Configuration, board: &BoardPorts) -> 
         if let Some(value) = configuration.gateway.get(&parameter).copied() {
             let change = Change::Gateway { parameter: parameter.number(), value };
             if let Err(error) = check.core.change(&[change]) {
-                check.finds(Row::Gateway, key_of(&error), &error);
+                check.finds(Subject::Gateway, key_of(&error), &error);
             }
         }
     }
@@ -56,7 +58,7 @@ struct Check<'a> {
 
 impl Check<'_> {
     fn bus(&mut self, bus: u8, config: &host_protocol::BusConfig) {
-        let row = Row::Bus(bus);
+        let row = Subject::Bus(bus);
         let mut is_complete = true;
         let lacks = [
             (config.bitrate == 0, "bitrate", "bitrate = 1_000_000"),
@@ -76,7 +78,7 @@ impl Check<'_> {
     }
 
     fn axis(&mut self, axis: u8, configuration: &Configuration, board: &BoardPorts) {
-        let row = Row::Axis(axis);
+        let row = Subject::Axis(axis);
         if axis >= board.max_axes {
             let error = Error::UnknownAxis { axis, max_axes: board.max_axes };
             return self.finds(row, Some("axis"), &error);
@@ -134,27 +136,28 @@ impl Check<'_> {
     fn names(&mut self, configuration: &Configuration) {
         let names = &configuration.names;
         for (row, name) in names {
-            let same =
-                |(other, its): &(&Row, _)| other < &row && other.is_like(*row) && its == &name;
+            let same = |(other, its): &(&Subject, _)| {
+                other < &row && discriminant(*other) == discriminant(row) && its == &name
+            };
             if let Some((by, _)) = names.iter().find(same) {
-                let error = Error::NameTaken { of: (*row).into(), by: (*by).into() };
+                let error = Error::NameTaken { of: *row, by: *by };
                 self.finds(*row, Some(NAME), &error);
             }
         }
     }
 
     /// A required key is missing, unless it is there with a value that it cannot have.
-    fn lacks(&mut self, row: Row, key: &str, what: &str) {
+    fn lacks(&mut self, row: Subject, key: &str, what: &str) {
         if !self.file.has_slip(row, key) {
             self.says(row, Some(key), "NotConfigured", format!("lacks {key}; {what}"));
         }
     }
 
-    fn finds(&mut self, row: Row, key: Option<&str>, error: &Error) {
+    fn finds(&mut self, row: Subject, key: Option<&str>, error: &Error) {
         self.says(row, key, error.name(), error.to_string());
     }
 
-    fn says(&mut self, row: Row, key: Option<&str>, name: &'static str, text: String) {
+    fn says(&mut self, row: Subject, key: Option<&str>, name: &'static str, text: String) {
         let line = self.file.line(row, key);
         self.findings.push(Finding {
             line,

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use host_protocol::{ParameterInfo, Value};
+use host_protocol::{ParameterInfo, Subject, Value};
 
-use super::{Configuration, MOTOR_TIMEOUT, NAME, Row};
+use super::{Configuration, MOTOR_TIMEOUT, NAME};
 use crate::parameters;
 
 /// What the file says of itself.
@@ -32,14 +32,14 @@ pub fn dump_with(
         }
     };
     section(&mut text, "[gateway]");
-    name(&mut text, Row::Gateway);
+    name(&mut text, Subject::Gateway);
     for (parameter, value) in &configuration.gateway {
         key(&mut text, parameter.text().name, &written(parameter.info(), *value));
     }
     for (bus, config) in &configuration.buses {
         section(&mut text, "[[bus]]");
         key(&mut text, "bus", bus);
-        name(&mut text, Row::Bus(*bus));
+        name(&mut text, Subject::Bus(*bus));
         key(&mut text, "bitrate", &config.bitrate);
         let names: Vec<String> =
             config.protocols.iter().map(|protocol| format!("{:?}", protocol.name())).collect();
@@ -52,7 +52,7 @@ pub fn dump_with(
         let comments: String = comments.map(|line| format!("# {line}\n")).collect();
         section(&mut text, &format!("{comments}[[axis]]"));
         key(&mut text, "axis", axis);
-        name(&mut text, Row::Axis(*axis));
+        name(&mut text, Subject::Axis(*axis));
         for (parameter, value) in values {
             key(&mut text, parameter.text().name, &written(parameter.info(), *value));
         }

@@ -4,11 +4,12 @@ use std::fs;
 use std::io::{self, Read};
 use std::ops::Range;
 
+use host_protocol::Subject;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::{
-    BUS_KEYS, Configuration, Entry, Finding, MOTOR_TIMEOUT, NAME, NEW_BUS, Row, entry, protocols,
+    BUS_KEYS, Configuration, Entry, Finding, MOTOR_TIMEOUT, NAME, NEW_BUS, entry, protocols,
 };
 use crate::config::BusKey;
 use crate::failure::Failure;
@@ -32,7 +33,7 @@ pub struct File {
     /// What it sets, each with its line.
     pub entries: Vec<(Entry, usize)>,
     /// The buses and axes that it names, each with its line.
-    pub rows: Vec<(Row, usize)>,
+    pub rows: Vec<(Subject, usize)>,
     /// What is wrong with it by itself.
     pub findings: Vec<Finding>,
 }
@@ -68,9 +69,9 @@ impl File {
     pub fn onto(&self, mut base: Configuration) -> Configuration {
         for (row, _) in &self.rows {
             match *row {
-                Row::Bus(bus) => drop(base.buses.entry(bus).or_insert(NEW_BUS)),
-                Row::Axis(axis) => drop(base.axes.entry(axis).or_default()),
-                Row::Gateway => {}
+                Subject::Bus(bus) => drop(base.buses.entry(bus).or_insert(NEW_BUS)),
+                Subject::Axis(axis) => drop(base.axes.entry(axis).or_default()),
+                Subject::Gateway => {}
             }
         }
         self.entries.iter().for_each(|(entry, _)| base.set(entry));
@@ -78,16 +79,16 @@ impl File {
     }
 
     /// The line of a key, or that of its row.
-    pub fn line(&self, row: Row, key: Option<&str>) -> Option<usize> {
+    pub fn line(&self, row: Subject, key: Option<&str>) -> Option<usize> {
         let is_key = |entry: &Entry| match (entry, row) {
-            (Entry::Gateway(parameter, _), Row::Gateway) => key == Some(parameter.text().name),
-            (Entry::Bus(bus, of), Row::Bus(index)) => {
+            (Entry::Gateway(parameter, _), Subject::Gateway) => key == Some(parameter.text().name),
+            (Entry::Bus(bus, of), Subject::Bus(index)) => {
                 *bus == index && key == Some(BUS_KEYS[bus_key_place(*of)])
             }
-            (Entry::Axis(axis, parameter, _), Row::Axis(index)) => {
+            (Entry::Axis(axis, parameter, _), Subject::Axis(index)) => {
                 *axis == index && key == Some(parameter.text().name)
             }
-            (Entry::MotorTimeout(axis, _), Row::Axis(index)) => {
+            (Entry::MotorTimeout(axis, _), Subject::Axis(index)) => {
                 *axis == index && key == Some(MOTOR_TIMEOUT)
             }
             (Entry::Name(of, _), row) => *of == row && key == Some(NAME),
@@ -98,7 +99,7 @@ impl File {
     }
 
     /// Whether a key is there with a value that it cannot have.
-    pub fn has_slip(&self, row: Row, key: &str) -> bool {
+    pub fn has_slip(&self, row: Subject, key: &str) -> bool {
         self.findings
             .iter()
             .any(|finding| finding.row == Some(row) && finding.key.as_deref() == Some(key))
@@ -142,8 +143,8 @@ impl Reader<'_> {
         let (kind, at) = (name.get_ref().as_ref(), name.span());
         match (kind, value.get_ref()) {
             ("gateway", DeValue::Table(table)) => {
-                self.file.rows.push((Row::Gateway, line_of(self.text, &at)));
-                self.keys(Row::Gateway, table);
+                self.file.rows.push((Subject::Gateway, line_of(self.text, &at)));
+                self.keys(Subject::Gateway, table);
             }
             ("bus" | "axis", DeValue::Array(tables)) => {
                 for part in tables.iter() {
@@ -178,7 +179,7 @@ impl Reader<'_> {
             let text = format!("{kind} takes a number from 0 on");
             return self.finds(None, Some(kind), &value.span(), text);
         };
-        let row = if kind == "bus" { Row::Bus(number) } else { Row::Axis(number) };
+        let row = if kind == "bus" { Subject::Bus(number) } else { Subject::Axis(number) };
         let line = line_of(self.text, &value.span());
         if let Some((_, other)) = self.file.rows.iter().find(|(other, _)| *other == row) {
             let text = format!("is there already, in line {other}");
@@ -188,11 +189,11 @@ impl Reader<'_> {
         self.keys(row, table);
     }
 
-    fn keys(&mut self, row: Row, table: &DeTable<'_>) {
+    fn keys(&mut self, row: Subject, table: &DeTable<'_>) {
         for (name, value) in table {
             let key = name.get_ref().as_ref();
             // Its own number.
-            if matches!((row, key), (Row::Bus(_), "bus") | (Row::Axis(_), "axis")) {
+            if matches!((row, key), (Subject::Bus(_), "bus") | (Subject::Axis(_), "axis")) {
                 continue;
             }
             match read_value(row, key, value.get_ref()) {
@@ -206,13 +207,13 @@ impl Reader<'_> {
         }
     }
 
-    fn finds(&mut self, row: Option<Row>, key: Option<&str>, at: &Range<usize>, text: String) {
+    fn finds(&mut self, row: Option<Subject>, key: Option<&str>, at: &Range<usize>, text: String) {
         self.finds_named(row, key, at, "Usage", text);
     }
 
     fn finds_named(
         &mut self,
-        row: Option<Row>,
+        row: Option<Subject>,
         key: Option<&str>,
         at: &Range<usize>,
         name: &'static str,
@@ -224,15 +225,15 @@ impl Reader<'_> {
 }
 
 /// Reads the value of a key of a row.
-pub fn read_value(row: Row, key: &str, value: &DeValue<'_>) -> Result<Entry, Failure> {
+pub fn read_value(row: Subject, key: &str, value: &DeValue<'_>) -> Result<Entry, Failure> {
     let wrong = |takes: &str| Failure::Usage(format!("{key} takes {takes}"));
     match (row, key, value) {
-        (Row::Axis(axis), MOTOR_TIMEOUT, value) => {
+        (Subject::Axis(axis), MOTOR_TIMEOUT, value) => {
             let timeout_ms = integer(value).and_then(|number| u32::try_from(number).ok());
             let timeout_ms = timeout_ms.ok_or_else(|| wrong("a whole number from 0 on"))?;
             Ok(Entry::MotorTimeout(axis, timeout_ms))
         }
-        (Row::Bus(bus), "protocols", value) => {
+        (Subject::Bus(bus), "protocols", value) => {
             let names: Option<Vec<&str>> = value
                 .as_array()
                 .and_then(|names| names.iter().map(|n| n.get_ref().as_str()).collect());

@@ -42,15 +42,7 @@ pub struct Configuration {
     pub axes: BTreeMap<u8, BTreeMap<AxisParameter, Value>>,
     /// The motors' own timeouts, ms, by axis.
     pub motor_timeouts: BTreeMap<u8, u32>,
-    pub names: BTreeMap<Row, Text<MAX_NAME>>,
-}
-
-/// What a key belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Row {
-    Gateway,
-    Bus(u8),
-    Axis(u8),
+    pub names: BTreeMap<Subject, Text<MAX_NAME>>,
 }
 
 /// A key of a bus.
@@ -69,7 +61,7 @@ pub enum Entry {
     Bus(u8, BusKey),
     Axis(u8, AxisParameter, Value),
     MotorTimeout(u8, u32),
-    Name(Row, Text<MAX_NAME>),
+    Name(Subject, Text<MAX_NAME>),
 }
 
 /// What is wrong with a configuration.
@@ -77,7 +69,7 @@ pub enum Entry {
 pub struct Finding {
     /// Where it stands, where it stands in a file.
     pub line: Option<usize>,
-    pub row: Option<Row>,
+    pub row: Option<Subject>,
     pub key: Option<String>,
     /// The gateway's name for it, where it would be the gateway that refuses it.
     pub name: &'static str,
@@ -104,9 +96,9 @@ impl Finding {
     /// The finding for programs.
     pub fn to_json(&self) -> serde_json::Value {
         let (bus, axis) = match self.row {
-            Some(Row::Bus(bus)) => (Some(bus), None),
-            Some(Row::Axis(axis)) => (None, Some(axis)),
-            Some(Row::Gateway) | None => (None, None),
+            Some(Subject::Bus(bus)) => (Some(bus), None),
+            Some(Subject::Axis(axis)) => (None, Some(axis)),
+            Some(Subject::Gateway) | None => (None, None),
         };
         serde_json::json!({
             "line": self.line, "bus": bus, "axis": axis, "key": self.key,
@@ -121,46 +113,17 @@ impl fmt::Display for Finding {
             write!(f, "line {line}, ")?;
         }
         if let Some(row) = self.row {
-            write!(f, "{row}: ")?;
+            write!(f, "{}: ", title(row))?;
         }
         f.write_str(&self.text)
     }
 }
 
-impl fmt::Display for Row {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Gateway => f.write_str("gateway"),
-            Self::Bus(bus) => write!(f, "bus {bus}"),
-            Self::Axis(axis) => write!(f, "axis {axis}"),
-        }
-    }
-}
-
-impl Row {
-    /// Whether both are buses, or both are axes.
-    fn is_like(self, other: Self) -> bool {
-        matches!((self, other), (Self::Bus(_), Self::Bus(_)) | (Self::Axis(_), Self::Axis(_)))
-    }
-}
-
-impl From<Row> for Subject {
-    fn from(row: Row) -> Self {
-        match row {
-            Row::Gateway => Self::Gateway,
-            Row::Bus(bus) => Self::Bus(bus),
-            Row::Axis(axis) => Self::Axis(axis),
-        }
-    }
-}
-
-impl From<Subject> for Row {
-    fn from(of: Subject) -> Self {
-        match of {
-            Subject::Gateway => Self::Gateway,
-            Subject::Bus(bus) => Self::Bus(bus),
-            Subject::Axis(axis) => Self::Axis(axis),
-        }
+/// What a row of the file is called.
+pub fn title(row: Subject) -> String {
+    match row {
+        Subject::Gateway => "gateway".to_owned(),
+        Subject::Bus(_) | Subject::Axis(_) => row.to_string(),
     }
 }
 
@@ -193,15 +156,15 @@ impl Configuration {
     }
 
     /// Takes a key away, so that it has its default; otherwise what is wrong with its name.
-    pub fn unset(&mut self, row: Row, key: &str) -> Result<(), Failure> {
+    pub fn unset(&mut self, row: Subject, key: &str) -> Result<(), Failure> {
         match row {
             row if key == NAME => {
                 self.names.remove(&row);
             }
-            Row::Gateway => {
+            Subject::Gateway => {
                 self.gateway.remove(&parameters::gateway_parameter(key)?);
             }
-            Row::Bus(bus) => {
+            Subject::Bus(bus) => {
                 let required = format!("bus {bus} needs its {key}; change it instead");
                 let config = self.buses.entry(bus).or_insert(NEW_BUS);
                 match key {
@@ -217,7 +180,7 @@ impl Configuration {
                     }
                 }
             }
-            Row::Axis(axis) => {
+            Subject::Axis(axis) => {
                 let parameter = parameters::axis_parameter(key)?;
                 if let Some(values) = self.axes.get_mut(&axis) {
                     values.remove(&parameter);
@@ -258,44 +221,44 @@ impl Configuration {
             // What is removed loses its name by that.
             let name = other.name(row).cloned();
             if self.name(row) != name.as_ref() && (name.is_some() || other.has(row)) {
-                changes.push(Change::Name { of: row.into(), name });
+                changes.push(Change::Name { of: row, name });
             }
         }
         changes
     }
 
     /// Whether it has such a row.
-    fn has(&self, row: Row) -> bool {
+    fn has(&self, row: Subject) -> bool {
         match row {
-            Row::Gateway => true,
-            Row::Bus(bus) => self.buses.contains_key(&bus),
-            Row::Axis(axis) => self.axes.contains_key(&axis),
+            Subject::Gateway => true,
+            Subject::Bus(bus) => self.buses.contains_key(&bus),
+            Subject::Axis(axis) => self.axes.contains_key(&axis),
         }
     }
 
     /// Refuses a name for a row that there is not.
-    pub fn refuse_name_of_nothing(&self, row: Row) -> Result<(), Failure> {
+    pub fn refuse_name_of_nothing(&self, row: Subject) -> Result<(), Failure> {
         let error = match row {
-            Row::Bus(bus) => Error::BusNotConfigured { bus },
-            Row::Axis(axis) => {
+            Subject::Bus(bus) => Error::BusNotConfigured { bus },
+            Subject::Axis(axis) => {
                 Error::NotConfigured { axis, parameter: AxisParameter::Bus.number() }
             }
-            Row::Gateway => return Ok(()),
+            Subject::Gateway => return Ok(()),
         };
         let is_named = self.names.contains_key(&row) && !self.has(row);
         if is_named { Err(Failure::would_be_refused(error)) } else { Ok(()) }
     }
 
     /// The name of a row that there is.
-    fn name(&self, row: Row) -> Option<&Text<MAX_NAME>> {
+    fn name(&self, row: Subject) -> Option<&Text<MAX_NAME>> {
         self.names.get(&row).filter(|_| self.has(row))
     }
 
     /// A change for people: from what to what.
     pub fn shown(&self, change: &Change) -> String {
-        let arrow = |row: Row, key: &str, before: Option<String>, after: Option<String>| {
+        let arrow = |row: Subject, key: &str, before: Option<String>, after: Option<String>| {
             let or_default = |text: Option<String>| text.unwrap_or_else(|| "not set".to_owned());
-            format!("{row}: {key} {} -> {}", or_default(before), or_default(after))
+            format!("{}: {key} {} -> {}", title(row), or_default(before), or_default(after))
         };
         match *change {
             Change::Gateway { parameter, value } => {
@@ -303,7 +266,7 @@ impl Configuration {
                 let before = known.and_then(|known| self.gateway.get(&known).copied());
                 let show = |value| named_value(parameter, value);
                 let name = host_protocol::parameters::name(parameter).unwrap_or_default();
-                arrow(Row::Gateway, name, before.map(show), Some(show(value)))
+                arrow(Subject::Gateway, name, before.map(show), Some(show(value)))
             }
             Change::Bus { bus, config } => {
                 let show = |config: &BusConfig| {
@@ -316,7 +279,7 @@ impl Configuration {
                     )
                 };
                 let before = self.buses.get(&bus).map(show);
-                arrow(Row::Bus(bus), "runs at", before, config.as_ref().map(show))
+                arrow(Subject::Bus(bus), "runs at", before, config.as_ref().map(show))
             }
             Change::Axis { axis, parameter, value } => {
                 let known = AxisParameter::from_number(parameter);
@@ -324,12 +287,11 @@ impl Configuration {
                 let before = known.and_then(|known| values?.get(&known).copied());
                 let show = |value| named_value(parameter, value);
                 let name = host_protocol::parameters::name(parameter).unwrap_or_default();
-                arrow(Row::Axis(axis), name, before.map(show), value.map(show))
+                arrow(Subject::Axis(axis), name, before.map(show), value.map(show))
             }
             Change::Name { of, ref name } => {
-                let row = Row::from(of);
                 let show = |name: &Text<MAX_NAME>| name.as_str().to_owned();
-                arrow(row, NAME, self.name(row).map(show), name.as_ref().map(show))
+                arrow(of, NAME, self.name(of).map(show), name.as_ref().map(show))
             }
         }
     }
@@ -360,7 +322,7 @@ fn keys<K: Ord + Copy, V>(one: &BTreeMap<K, V>, other: &BTreeMap<K, V>) -> Vec<K
 }
 
 /// Reads `NAME=VALUE` pairs for a row.
-pub fn assignments(row: Row, texts: &[String]) -> Result<Vec<Entry>, Failure> {
+pub fn assignments(row: Subject, texts: &[String]) -> Result<Vec<Entry>, Failure> {
     texts
         .iter()
         .map(|text| {
@@ -371,17 +333,17 @@ pub fn assignments(row: Row, texts: &[String]) -> Result<Vec<Entry>, Failure> {
 }
 
 /// Reads the value of a key, in its range.
-fn entry(row: Row, name: &str, text: &str) -> Result<Entry, Failure> {
+fn entry(row: Subject, name: &str, text: &str) -> Result<Entry, Failure> {
     match row {
         row if name == NAME => Ok(Entry::Name(row, name_of(row, text)?)),
-        Row::Gateway => {
+        Subject::Gateway => {
             let parameter = parameters::gateway_parameter(name)?;
             let value = parameters::value(parameter.info(), text)?;
             parameter.check(value).map_err(Failure::would_be_refused)?;
             Ok(Entry::Gateway(parameter, value))
         }
-        Row::Bus(bus) => Ok(Entry::Bus(bus, bus_key(name, text)?)),
-        Row::Axis(axis) => {
+        Subject::Bus(bus) => Ok(Entry::Bus(bus, bus_key(name, text)?)),
+        Subject::Axis(axis) => {
             let parameter = parameters::axis_parameter(name)?;
             let value = parameters::value(parameter.info(), text)?;
             parameter.check(value).map_err(Failure::would_be_refused)?;
@@ -390,9 +352,9 @@ fn entry(row: Row, name: &str, text: &str) -> Result<Entry, Failure> {
     }
 }
 
-fn name_of(row: Row, text: &str) -> Result<Text<MAX_NAME>, Failure> {
+fn name_of(row: Subject, text: &str) -> Result<Text<MAX_NAME>, Failure> {
     let refused = || {
-        let error = Error::NotAName { of: row.into() };
+        let error = Error::NotAName { of: row };
         Failure::Explained { error, text: format!("`{text}`: {error}") }
     };
     is_name(text).then(|| Text::try_from(text).ok()).flatten().ok_or_else(refused)

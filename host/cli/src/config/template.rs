@@ -1,11 +1,12 @@
 //! A configuration in the words of a file that somebody wrote: its comments, its order, its way to
 //! write numbers. Only what differs is written anew.
 
+use host_protocol::Subject;
 use toml::de::DeValue;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, TomlError};
 
 use super::file::read_value;
-use super::{Configuration, DEFAULT_REPLY_WINDOW_US, Entry, Row, dump};
+use super::{Configuration, DEFAULT_REPLY_WINDOW_US, Entry, dump};
 use crate::config::BusKey;
 
 /// The sections that come once for each bus and each axis, with the key of their number.
@@ -22,7 +23,7 @@ pub fn dump_like(template: &str, configuration: &Configuration) -> Result<String
         let is_new = document.get("gateway").is_none();
         let section = document.entry("gateway").or_insert(Item::Table(Table::new()));
         if let Some(to) = written_out(section, Item::into_table, Item::Table).as_table_mut() {
-            carry_over(Row::Gateway, from, to);
+            carry_over(Subject::Gateway, from, to);
             if is_new && to.is_empty() {
                 document.remove("gateway");
             }
@@ -57,7 +58,7 @@ fn rows(kind: &str, from: &ArrayOfTables, to: &mut ArrayOfTables) {
     for wanted in from {
         let place = to.iter().position(|table| number(table) == number(wanted));
         let row = number(wanted).and_then(|number| u8::try_from(number).ok()).unwrap_or(u8::MAX);
-        let row = if kind == "bus" { Row::Bus(row) } else { Row::Axis(row) };
+        let row = if kind == "bus" { Subject::Bus(row) } else { Subject::Axis(row) };
         match place.and_then(|place| to.get_mut(place)) {
             Some(table) => carry_over(row, wanted, table),
             None => {
@@ -73,7 +74,7 @@ fn rows(kind: &str, from: &ArrayOfTables, to: &mut ArrayOfTables) {
 
 /// Gives a section the keys and values of another one. A value that means the same stays as it is
 /// written.
-fn carry_over(row: Row, from: &Table, to: &mut Table) {
+fn carry_over(row: Subject, from: &Table, to: &mut Table) {
     to.retain(|key, _| from.contains_key(key));
     for (key, wanted) in from {
         match to.get_mut(key) {
@@ -94,13 +95,13 @@ fn carry_over(row: Row, from: &Table, to: &mut Table) {
 }
 
 /// What a key with this value says, where it says something.
-fn meaning(row: Row, key: &str, item: &Item) -> Option<Entry> {
+fn meaning(row: Subject, key: &str, item: &Item) -> Option<Entry> {
     let text = item.as_value()?.clone().decorated("", "").to_string();
     read_value(row, key, DeValue::parse(&text).ok()?.get_ref()).ok()
 }
 
 /// Whether a key could be left out.
-fn is_default(row: Row, key: &str, item: &Item) -> bool {
+fn is_default(row: Subject, key: &str, item: &Item) -> bool {
     match meaning(row, key, item) {
         Some(Entry::Gateway(parameter, value)) => parameter.info().default == Some(value),
         Some(Entry::Bus(_, BusKey::Exclusive(exclusive))) => !exclusive,

@@ -197,9 +197,9 @@ stop_action = \"hold\"
 fn names_are_changes_of_their_rows() {
     let before = whole(&FOUR_MOTORS.replace("axis = 3\n", "axis = 3\nname = \"left\"\n"));
     let name = |text: &str| Text::<MAX_NAME>::try_from(text).unwrap();
-    assert_eq!(before.names, [(Row::Axis(3), name("left"))].into());
+    assert_eq!(before.names, [(Subject::Axis(3), name("left"))].into());
     let mut after = before.clone();
-    after.names = [(Row::Axis(3), name("right")), (Row::Gateway, name("arm"))].into();
+    after.names = [(Subject::Axis(3), name("right")), (Subject::Gateway, name("arm"))].into();
     let changes = before.changes_to(&after);
     let shown: Vec<String> = changes.iter().map(|change| before.shown(change)).collect();
     assert_eq!(shown, ["gateway: name not set -> arm", "axis 3: name left -> right"]);
@@ -207,7 +207,7 @@ fn names_are_changes_of_their_rows() {
     assert_eq!(json[0], serde_json::json!({ "parameter": "name", "value": "arm" }));
     assert_eq!(json[1], serde_json::json!({ "axis": 3, "parameter": "name", "value": "right" }));
     let is_name = |change: &Change| matches!(change, Change::Name { .. });
-    after.unset(Row::Axis(3), "name").unwrap();
+    after.unset(Subject::Axis(3), "name").unwrap();
     assert_eq!(after.changes_to(&before).iter().filter(|change| is_name(change)).count(), 2);
     after.axes.remove(&3);
     assert_eq!(before.changes_to(&after).iter().filter(|change| is_name(change)).count(), 1);
@@ -363,10 +363,10 @@ fn what_a_file_does_not_name_has_its_default_unless_it_is_merged() {
 #[test]
 fn a_key_is_unset_and_a_required_one_of_a_bus_is_not() {
     let mut configuration = whole(FOUR_MOTORS);
-    configuration.unset(Row::Axis(3), "ttl_us").unwrap();
+    configuration.unset(Subject::Axis(3), "ttl_us").unwrap();
     assert!(!configuration.axes[&3].contains_key(&AxisParameter::TtlUs));
-    assert!(configuration.unset(Row::Bus(0), "bitrate").is_err());
-    let error = configuration.unset(Row::Axis(3), "ttl").unwrap_err().to_string();
+    assert!(configuration.unset(Subject::Bus(0), "bitrate").is_err());
+    let error = configuration.unset(Subject::Axis(3), "ttl").unwrap_err().to_string();
     assert!(error.contains("no parameter `ttl`. There are: bus"), "{error}");
 }
 

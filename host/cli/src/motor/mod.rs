@@ -16,11 +16,11 @@ use std::time::Duration;
 
 use ::rmd::Dialect;
 use codec::EncodeError;
-use host_protocol::{AxisParameter, BusKind, Bytes, Change, Error, Protocol, Value};
+use host_protocol::{AxisParameter, BusKind, Bytes, Change, Error, Protocol, Subject, Value};
 use mgw_client::ClientError;
 use serde_json::{Map, json};
 
-use crate::config::{self, Configuration, Row};
+use crate::config::{self, Configuration};
 use crate::failure::Failure;
 use crate::native_request;
 use crate::scan::Found;
@@ -287,7 +287,7 @@ impl Run<'_> {
         let values = self.after.axes.get_mut(&axis).filter(|_| is_own)?;
         values.insert(parameter, value);
         self.expect(&self.now.clone());
-        let name = self.after.names.get(&Row::Axis(axis));
+        let name = self.after.names.get(&Subject::Axis(axis));
         let name = name.filter(|_| parameter == AxisParameter::Node);
         let still = name.map(|name| format!(", and its name is `{name}` still"));
         Some(format!(
