@@ -33,15 +33,8 @@ fn heading(field: StateField) -> &'static str {
 
 /// What a field is called in JSON, as in PROTOCOL.md.
 pub fn json_names(field: &StateField) -> &'static [&'static str] {
-    match field {
-        StateField::Position => &["position_rad"],
-        StateField::Velocity => &["velocity_rad_s"],
-        StateField::Current => &["current_a"],
-        StateField::Voltage => &["voltage_v"],
-        StateField::MotorTemperature => &["motor_temperature_c"],
-        StateField::DriverTemperature => &["driver_temperature_c"],
-        StateField::Faults => &json::axis::FAULTS,
-    }
+    let number = json::axis::NUMBERS.iter().find(|(number, _)| number == field);
+    number.map_or(&json::axis::FAULTS, |(_, name)| std::slice::from_ref(name))
 }
 
 /// Digits after the point: what the motors' own resolution is worth.

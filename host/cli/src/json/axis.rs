@@ -2,8 +2,8 @@
 
 use host_protocol::replies::AxisReport;
 use host_protocol::{
-    AxisState, AxisSummary, Event, FaultReading, MotorTimeout, Protocol, Setpoint, SlowState, Trip,
-    TripReason,
+    AxisState, AxisSummary, Event, FaultReading, MotorTimeout, Protocol, Setpoint, SlowState,
+    StateField, Trip, TripReason,
 };
 use serde_json::{Value, json};
 
@@ -81,7 +81,16 @@ pub fn motor_timeout(timeout: MotorTimeout) -> Value {
     json!({ "motor_timeout": name(&timeout), "motor_timeout_ms": time })
 }
 
-/// The fields that [`StateField::Faults`](host_protocol::StateField::Faults) stands for.
+/// The fields of a sample that are numbers, and what they are called, as in PROTOCOL.md.
+pub const NUMBERS: &[(StateField, &str)] = &[
+    (StateField::Position, "position_rad"),
+    (StateField::Velocity, "velocity_rad_s"),
+    (StateField::Current, "current_a"),
+    (StateField::Voltage, "voltage_v"),
+    (StateField::MotorTemperature, "motor_temperature_c"),
+    (StateField::DriverTemperature, "driver_temperature_c"),
+];
+/// The fields that [`StateField::Faults`] stands for.
 pub const FAULTS: [&str; 5] =
     ["faults", "faults_raw", "fault_warnings", "fault_warnings_raw", "faults_age_us"];
 
@@ -104,31 +113,11 @@ pub fn report(report: &AxisReport, protocol: Option<Protocol>) -> Value {
 
 /// The fields of a sample; nothing of another event.
 pub fn sample(event: &Event, protocol: Option<Protocol>) -> Value {
-    let Event::Sample {
-        axis,
-        state,
-        position_rad,
-        velocity_rad_s,
-        current_a,
-        voltage_v,
-        motor_temperature_c,
-        driver_temperature_c,
-        faults,
-    } = event
-    else {
-        return Value::Null;
-    };
+    let Event::Sample { axis, state, faults, .. } = event else { return Value::Null };
     let mut value = in_state(*axis, *state);
     put_reading(&mut value, protocol, *faults);
-    for (key, reading) in [
-        ("position_rad", position_rad),
-        ("velocity_rad_s", velocity_rad_s),
-        ("current_a", current_a),
-        ("voltage_v", voltage_v),
-        ("motor_temperature_c", motor_temperature_c),
-        ("driver_temperature_c", driver_temperature_c),
-    ] {
-        value[key] = to_json(reading);
+    for (field, key) in NUMBERS {
+        value[*key] = to_json(&event.reading(*field));
     }
     value
 }

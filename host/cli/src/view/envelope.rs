@@ -7,17 +7,8 @@ use host_protocol::{AxisState, CycleMessage, Event, EventMessage};
 use serde_json::{Value, json};
 
 use crate::json;
+use crate::json::axis::NUMBERS;
 use crate::output::number;
-
-/// The fields of a sample that are numbers, as they are called in JSON.
-const FIELDS: [&str; 6] = [
-    "position_rad",
-    "velocity_rad_s",
-    "current_a",
-    "voltage_v",
-    "motor_temperature_c",
-    "driver_temperature_c",
-];
 
 /// The values of a field.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +24,7 @@ struct Axis {
     samples: u64,
     time_us: u64,
     state: AxisState,
-    fields: [Option<Span>; FIELDS.len()],
+    fields: [Option<Span>; NUMBERS.len()],
 }
 
 /// All axes since the last picture.
@@ -42,39 +33,20 @@ pub struct Envelope {
     axes: BTreeMap<u8, Axis>,
     /// When the last reading of each field was taken, gateway time in µs: a sample repeats what a
     /// motor has said last, however long ago.
-    read_us: BTreeMap<u8, [u64; FIELDS.len()]>,
+    read_us: BTreeMap<u8, [u64; NUMBERS.len()]>,
 }
 
 impl Envelope {
     /// Takes a sample in; whether the event was one.
     pub fn take(&mut self, message: &EventMessage) -> bool {
-        let Event::Sample {
-            axis,
-            state,
-            position_rad,
-            velocity_rad_s,
-            current_a,
-            voltage_v,
-            motor_temperature_c,
-            driver_temperature_c,
-            ..
-        } = message.event
-        else {
-            return false;
-        };
-        let readings = [
-            position_rad,
-            velocity_rad_s,
-            current_a,
-            voltage_v,
-            motor_temperature_c,
-            driver_temperature_c,
-        ];
+        let Event::Sample { axis, state, .. } = message.event else { return false };
         let read_us = self.read_us.entry(axis).or_default();
-        let mut values = [None; FIELDS.len()];
-        for ((value, read_us), reading) in values.iter_mut().zip(read_us).zip(readings) {
+        let mut values = [None; NUMBERS.len()];
+        for ((value, read_us), (field, _)) in values.iter_mut().zip(read_us).zip(NUMBERS) {
             // An age ends counting somewhere.
-            let Some(reading) = reading.filter(|reading| reading.age_us < u32::MAX) else {
+            let Some(reading) =
+                message.event.reading(*field).filter(|reading| reading.age_us < u32::MAX)
+            else {
                 continue;
             };
             let at = message.time_us.saturating_sub(u64::from(reading.age_us));
@@ -117,7 +89,7 @@ impl Axis {
     fn into_json(self, axis: u8) -> Value {
         let mut value = json::axis::in_state(axis, self.state);
         json::extend(&mut value, json!({ "samples": self.samples, "time_us": self.time_us }));
-        for (name, span) in FIELDS.iter().zip(self.fields) {
+        for ((_, name), span) in NUMBERS.iter().zip(self.fields) {
             if let Some(Span { low, high, last }) = span {
                 value[*name] = json!([number(low), number(high), number(last)]);
             }
