@@ -11,7 +11,7 @@ use plotters::prelude::*;
 use serde_json::{Value, json};
 
 use super::picture::{Drawing, Format, picture};
-use super::play::{each, wanted};
+use super::play::each;
 use super::read::Recorded;
 use crate::args::PlotArgs;
 use crate::failure::Failure;
@@ -49,9 +49,8 @@ pub fn run(arguments: &PlotArgs, out: Output) -> Result<(), Failure> {
     fields.dedup();
     let names: Vec<&str> =
         fields.iter().filter_map(|field| states::json_names(field).first().copied()).collect();
-    let wanted = wanted(&arguments.part, &[]);
     let mut picture = Curves::default();
-    each(&arguments.part.files, &wanted, out, |message| {
+    each(&arguments.part, &[], out, |message| {
         picture.take(&message, &names, &arguments.part.axes);
         Ok(())
     })?;

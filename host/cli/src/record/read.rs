@@ -10,6 +10,7 @@ use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use serde_json::Value;
 
+use crate::args::Part;
 use crate::failure::Failure;
 
 /// The longest record of a file that is believed, bytes.
@@ -39,23 +40,11 @@ impl Recorded {
     }
 }
 
-/// What is wanted of recordings.
-#[derive(Debug, Clone, Default)]
-pub struct Wanted {
-    /// Beginnings of topics; all without any.
-    pub topics: Vec<String>,
-    /// Axes; all without any.
-    pub axes: Vec<u8>,
-    /// Gateway times, s.
-    pub from: Option<f64>,
-    pub to: Option<f64>,
-}
-
-impl Wanted {
-    /// Whether this message is.
-    pub fn takes(&self, message: &Recorded) -> bool {
-        let topic = self.topics.is_empty()
-            || self.topics.iter().any(|topic| message.topic.starts_with(topic.as_str()));
+impl Part {
+    /// Whether a message is of it, and of topics that begin so, where there are any.
+    pub fn takes(&self, topics: &[String], message: &Recorded) -> bool {
+        let topic = topics.is_empty()
+            || topics.iter().any(|topic| message.topic.starts_with(topic.as_str()));
         let axes = message.axes();
         let axis =
             self.axes.is_empty() || self.axes.iter().any(|axis| axes.contains(&u64::from(*axis)));
