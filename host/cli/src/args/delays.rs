@@ -11,6 +11,19 @@ pub struct DelaysArgs {
     /// Recordings with raw frames (MCAP), and tables of delays
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub told: Told,
+    /// Write the table into this file
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Write over a file that is there already, as one of those that are merged
+    #[arg(long, requires = "output")]
+    pub force: bool,
+}
+
+/// What a person knows that a recording may not tell.
+#[derive(Debug, Clone, Default, Args)]
+pub struct Told {
     /// The bitrate of a bus in the recordings; may be given often
     #[arg(long = "bitrate", value_name = "BUS=BIT_S", value_parser = bitrate)]
     pub bitrates: Vec<(u64, u32)>,
@@ -26,12 +39,13 @@ pub struct DelaysArgs {
     /// The version of the gateway, where the recordings do not tell it
     #[arg(long, value_name = "VERSION", value_parser = typed_word)]
     pub gateway: Option<String>,
-    /// Write the table into this file
-    #[arg(long, short, value_name = "FILE")]
-    pub output: Option<PathBuf>,
-    /// Write over a file that is there already, as one of those that are merged
-    #[arg(long, requires = "output")]
-    pub force: bool,
+}
+
+impl Told {
+    /// bit/s of a bus.
+    pub fn bitrate(&self, bus: u64) -> Option<u32> {
+        self.bitrates.iter().rev().find(|(of, _)| *of == bus).map(|(_, bitrate)| *bitrate)
+    }
 }
 
 fn bitrate(text: &str) -> Result<(u64, u32), String> {

@@ -26,7 +26,7 @@ use host_protocol::CanId;
 pub use crate::server::ServeArgs;
 pub use bench::BenchArgs;
 pub use config::{ConfigAction, ConfigFile, ConfigRow};
-pub use delays::DelaysArgs;
+pub use delays::{DelaysArgs, Told};
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanCommand, ScanTarget};
 pub use flight::{Around, ShowTripArgs, TripsAction};
 pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};

@@ -14,13 +14,13 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::args::DelaysArgs;
+use crate::args::{DelaysArgs, Told};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::record;
 
 pub use histogram::{Histogram, LONGEST_US};
-use recording::{Reading, Told};
+use recording::Reading;
 pub use recording::{SIMULATOR, day};
 pub use table::{Entry, Key, Table, UNKNOWN, to_word, typed_word};
 
@@ -29,16 +29,9 @@ const LONGEST_TABLE: u64 = 64 << 20;
 
 /// Merges recordings and tables, and prints the table or writes it.
 pub fn run(arguments: &DelaysArgs, out: Output) -> Result<(), Failure> {
-    let told = Told {
-        bitrates: arguments.bitrates.iter().copied().collect(),
-        place: arguments.place.clone(),
-        model: arguments.model.clone(),
-        firmware: arguments.firmware.clone(),
-        gateway: arguments.gateway.clone(),
-    };
     let mut merged = Table::default();
     for path in &arguments.files {
-        merged.merge(of_file(path, &told, out)?);
+        merged.merge(of_file(path, &arguments.told, out)?);
     }
     match &arguments.output {
         None => {

@@ -10,27 +10,13 @@ use super::identity::Identity;
 use super::pairing::{Motor, Pairing};
 use super::table::{Entry, Key, Table, UNKNOWN, to_word};
 use super::wire_time::wire_time_us;
+use crate::args::Told;
 use crate::commands::recorded_frame;
 
 /// Who measures where the gateway is simulated.
 pub const SIMULATOR: &str = "simulator";
 /// What a simulated gateway calls its board.
 const SIMULATED: &str = "simulated";
-
-/// What a person knows that the recording may not tell.
-#[derive(Debug, Clone, Default)]
-pub struct Told {
-    /// bit/s of each bus.
-    pub bitrates: BTreeMap<u64, u32>,
-    /// Who measured.
-    pub place: Option<String>,
-    /// Model of the motors that do not tell it.
-    pub model: Option<String>,
-    /// Firmware of the motors that do not tell it.
-    pub firmware: Option<String>,
-    /// Version of the gateway.
-    pub gateway: Option<String>,
-}
 
 /// Delays of a motor by command.
 type Delays = BTreeMap<(Motor, &'static str), Histogram>;
@@ -73,8 +59,7 @@ impl Reading {
         let (kind, text) = (kind.unwrap_or_default(), text.unwrap_or_default());
         let Some(frame) = recorded_frame(kind, text) else { return Ok(()) };
         let Some(pair) = self.pairing.take(bus, &frame, time_us) else { return Ok(()) };
-        let bitrate = told.bitrates.get(&bus).copied();
-        let bitrate = bitrate.ok_or_else(|| {
+        let bitrate = told.bitrate(bus).ok_or_else(|| {
             format!("the bitrate of bus {bus} is not in a recording; add --bitrate {bus}=BIT_S")
         })?;
         self.kinds.insert(bus, if kind == "can" { "can" } else { "rs485" });
@@ -121,7 +106,7 @@ impl Reading {
                 model: known(identity.model(), &told.model),
                 firmware: known(identity.firmware(), &told.firmware),
                 bus: self.kinds.get(&motor.bus).copied().unwrap_or("can").to_owned(),
-                bitrate: told.bitrates.get(&motor.bus).copied().unwrap_or_default(),
+                bitrate: told.bitrate(motor.bus).unwrap_or_default(),
                 command: command.to_owned(),
                 place: place.clone(),
             };

@@ -1,10 +1,10 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use host_protocol::{CanFrame, RawFrame, ReceivedFrame};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::recording::{Reading, Told, day};
+use super::recording::{Reading, day};
 use super::table::COLUMNS;
 use super::*;
 use crate::faults::Protocols;
@@ -24,7 +24,7 @@ fn received(bus: u8, frame: &str, time_us: u64) -> Value {
 
 fn told() -> Told {
     Told {
-        bitrates: BTreeMap::from([(0, 1_000_000), (1, 210_526), (2, 115_200)]),
+        bitrates: vec![(0, 1_000_000), (1, 210_526), (2, 115_200)],
         place: Some("lab-a".to_owned()),
         gateway: Some("0.1.0".to_owned()),
         ..Told::default()
