@@ -34,7 +34,7 @@ pub use scan::motor_name;
 #[cfg(test)]
 pub use scan::notes;
 pub use stop::{clear_axis, send_first as send_stop_first};
-pub use stop_report::outcome_lines;
+pub use stop_report::outcome_line;
 pub use trips::line as incident_line;
 
 use mgw_client::{Interrupt, Transport};

@@ -1,6 +1,5 @@
 //! `mgw set`
 
-use std::fmt;
 use std::time::Duration;
 
 use host_protocol::Setpoint;
@@ -18,7 +17,7 @@ pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
     let axis = session.axis(&arguments.axis)?;
     limits::check_setpoint(session, axis, setpoint)?;
     if let Some(pull) = pull(session, axis, arguments, setpoint)? {
-        session.out.aside(pull.to_string());
+        session.out.aside(pull);
     }
     drive(session, axis, |session, armed| {
         // Arming may have freed a brake.
@@ -77,37 +76,14 @@ fn setpoint(arguments: &SetArgs) -> Result<Setpoint, Failure> {
     })
 }
 
-/// What an impedance would do from where the axis stands.
-struct Pull {
-    axis: u8,
-    position_rad: f32,
-    target_rad: f32,
-    torque_nm: f32,
-    limit_nm: f32,
-}
-
-impl fmt::Display for Pull {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { axis, position_rad, target_rad, torque_nm, .. } = *self;
-        let distance = target_rad - position_rad;
-        write!(
-            f,
-            "axis {axis} stands at {position_rad:.3} rad, {:.3} rad from its target: it is pulled \
-             with {:.2} N·m",
-            distance.abs(),
-            torque_nm.abs()
-        )
-    }
-}
-
-/// Refuses an impedance that would begin with more torque than `--torque-limit` allows; `None` of
-/// any other setpoint.
+/// What an impedance would do from where the axis stands; nothing of any other setpoint. One that
+/// would begin with more torque than `--torque-limit` allows is refused.
 fn pull(
     session: &mut Session,
     axis: u8,
     arguments: &SetArgs,
     setpoint: Setpoint,
-) -> Result<Option<Pull>, Failure> {
+) -> Result<Option<String>, Failure> {
     let Setpoint::Impedance {
         position_rad: target_rad,
         velocity_rad_s: target_rad_s,
@@ -131,15 +107,20 @@ fn pull(
     let spring = stiffness_nm_per_rad * (target_rad - position.value);
     let damper = damping_nm_s_per_rad * (target_rad_s - velocity.value);
     let torque_nm = spring + damper + torque_nm;
-    let pull = Pull { axis, position_rad: position.value, target_rad, torque_nm, limit_nm };
+    let text = format!(
+        "axis {axis} stands at {:.3} rad, {:.3} rad from its target: it is pulled with {:.2} N·m",
+        position.value,
+        (target_rad - position.value).abs(),
+        torque_nm.abs()
+    );
     if torque_nm.abs() <= limit_nm {
-        return Ok(Some(pull));
+        return Ok(Some(text));
     }
     Err(Failure::Refused {
         name: "OutOfRange",
         field: "torque_nm",
         value: torque_nm.into(),
         range: Some((-f64::from(limit_nm), limit_nm.into())),
-        message: format!("{pull}, and --torque-limit allows {} N·m", pull.limit_nm),
+        message: format!("{text}, and --torque-limit allows {limit_nm} N·m"),
     })
 }

@@ -71,22 +71,12 @@ fn nothing_to_stop(axis: u8, reason: &str) -> String {
     format!("axis {axis}: nothing to stop, it was never armed: {reason}")
 }
 
-/// What the stops of these axes came to, a line for each, and the first that is not confirmed.
-pub fn outcome_lines(session: &mut Session, axes: &[u8]) -> (Vec<String>, Result<(), Failure>) {
-    let (mut lines, mut result) = (Vec::new(), Ok(()));
-    for axis in axes.iter().copied() {
-        let failure = match outcome(session, axis) {
-            Ok(Outcome::NotConfirmed(_)) => Failure::StopNotConfirmed { axis },
-            Ok(outcome) => {
-                lines.push(outcome.line(axis));
-                continue;
-            }
-            Err(failure) => failure,
-        };
-        lines.push(failure.to_string());
-        result = result.and(Err(failure));
+/// What the stop of an axis came to, in a line. One that is not confirmed is a failure.
+pub fn outcome_line(session: &mut Session, axis: u8) -> Result<String, Failure> {
+    match outcome(session, axis)? {
+        Outcome::NotConfirmed(_) => Err(Failure::StopNotConfirmed { axis }),
+        outcome => Ok(outcome.line(axis)),
     }
-    (lines, result)
 }
 
 fn outcome(session: &mut Session, axis: u8) -> Result<Outcome, Failure> {

@@ -303,16 +303,15 @@ impl Watching {
             self.view.say("no axis is configured: there is nothing to stop");
         }
         for axis in axes {
-            let (lines, result) = commands::outcome_lines(&mut self.session, &[axis]);
-            match result {
-                Ok(()) => confirmed.extend(lines),
+            match commands::outcome_line(&mut self.session, axis) {
+                Ok(line) => confirmed.push(line),
                 // A key has ended the waiting; what it asks for follows.
                 Err(Failure::Client(error @ ClientError::Interrupted { .. })) => {
                     self.fail_stop(Failure::StopTaken { cause: error.to_string() });
                     return Ok(());
                 }
                 Err(failure) => {
-                    missing.extend(lines);
+                    missing.push(failure.to_string());
                     self.unconfirmed.get_or_insert(failure);
                 }
             }
