@@ -61,7 +61,7 @@ fn arm_all(session: &mut Session, axes: &[u8], held: &mut Vec<ArmedAxis>) -> Res
             }
         })?;
         held.push(ArmedAxis { axis, epoch: armed.epoch, ttl });
-        tell_armed(session, axis, &armed)?;
+        tell_armed(session.out, axis, &armed)?;
     }
     Ok(())
 }

@@ -50,7 +50,7 @@ where
         Err(error) => Err(error.into()),
         Ok(armed) => {
             let armed_axis = ArmedAxis { axis, epoch: armed.epoch, ttl };
-            tell_armed(session, axis, &armed).and_then(|()| act(session, armed_axis))
+            tell_armed(session.out, axis, &armed).and_then(|()| act(session, armed_axis))
         }
     };
     // Whatever happened above: the next frame is its stop. An interrupt has been followed by it
@@ -77,11 +77,11 @@ pub fn nothing_to_tell(_: &mut Session, _: &AxisReport) -> Result<(), Failure> {
 }
 
 /// Says that an axis is armed.
-pub fn tell_armed(session: &Session, axis: u8, armed: &Armed) -> Result<(), Failure> {
+pub fn tell_armed(out: Output, axis: u8, armed: &Armed) -> Result<(), Failure> {
     let timeout = words::motor_timeout(armed.motor_timeout);
     let mut fields = json!({ "axis": axis, "epoch": armed.epoch });
     json::extend(&mut fields, json::axis::motor_timeout(armed.motor_timeout));
-    session.out.event(
+    out.event(
         "armed",
         format!("axis {axis} is armed, epoch {}; the motor's own timeout: {timeout}", armed.epoch),
         fields,

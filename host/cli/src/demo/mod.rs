@@ -29,10 +29,10 @@ pub fn run(mut out: Output) -> Result<(), Failure> {
     setup::configure(&mut client, &configuration, out)?;
     out.motors = Protocols::new(&client.list_axes()?);
     let axes: Vec<u8> = configuration.axes.keys().copied().collect();
-    let epochs = setup::arm(&mut client, &axes, out)?;
+    let armed = setup::arm(&mut client, &axes, out)?;
 
     trace.collect(&world);
-    let motions = moving::motions(&epochs);
+    let motions = moving::motions(&armed);
     moving::run(&mut client, &motions, &world, &mut trace, out)?;
 
     let stops = silence::run(&mut client, &world, &mut trace, &axes, out)?;

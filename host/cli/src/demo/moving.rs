@@ -10,9 +10,9 @@ use host_protocol::Setpoint;
 use mgw_client::{Client, Hold};
 use mgw_sim::{SimTransport, Station, World};
 
-use super::setup::{Epoch, heading};
+use super::setup::heading;
 use super::trace::{self, Decoded, Trace};
-use crate::commands::state_line;
+use crate::commands::{ArmedAxis, state_line};
 use crate::failure::Failure;
 use crate::json;
 use crate::names::Names;
@@ -37,17 +37,12 @@ const SETPOINTS: [Setpoint; 5] = [
 pub type Motion = Hold;
 
 /// A motion for each armed axis.
-pub fn motions(epochs: &[Epoch]) -> Vec<Motion> {
-    epochs
-        .iter()
-        .zip(SETPOINTS)
-        .map(|(armed, setpoint)| Hold {
-            axis: armed.axis,
-            epoch: armed.epoch,
-            setpoint,
-            ttl: armed.ttl,
-        })
-        .collect()
+pub fn motions(armed: &[ArmedAxis]) -> Vec<Motion> {
+    let motion = |(armed, setpoint): (&ArmedAxis, Setpoint)| {
+        let ArmedAxis { axis, epoch, ttl } = *armed;
+        Hold { axis, epoch, setpoint, ttl }
+    };
+    armed.iter().zip(SETPOINTS).map(motion).collect()
 }
 
 /// Holds the setpoints for a while and shows states and frames.

@@ -1,12 +1,11 @@
 //! The first part: what the gateway is, its configuration, arming.
 
-use std::time::Duration;
-
 use host_protocol::AxisParameter;
 use host_protocol::replies::AxisReport;
 use mgw_client::{Client, Transport};
 use serde_json::json;
 
+use crate::commands::{ArmedAxis, tell_armed};
 use crate::config::Configuration;
 use crate::failure::Failure;
 use crate::four_motors;
@@ -15,13 +14,6 @@ use crate::output::Output;
 use crate::parameters;
 use crate::table::Table;
 use crate::words::{self, NOTHING};
-
-/// An axis that is armed.
-pub struct Epoch {
-    pub axis: u8,
-    pub epoch: u32,
-    pub ttl: Duration,
-}
 
 /// A heading of the demonstration.
 pub fn heading(out: Output, text: &str) -> Result<(), Failure> {
@@ -101,24 +93,14 @@ pub fn arm<T: Transport>(
     client: &mut Client<T>,
     axes: &[u8],
     out: Output,
-) -> Result<Vec<Epoch>, Failure> {
+) -> Result<Vec<ArmedAxis>, Failure> {
     heading(out, "3. Arming: only an armed axis may move")?;
-    let mut epochs = Vec::new();
+    let mut all = Vec::new();
     for axis in axes {
         let armed = client.arm(*axis)?;
-        let mut fields = json!({ "axis": axis, "epoch": armed.epoch });
-        json::extend(&mut fields, json::axis::motor_timeout(armed.motor_timeout));
-        out.event(
-            "armed",
-            format!(
-                "axis {axis} is armed, epoch {}; the motor's own timeout: {}",
-                armed.epoch,
-                words::motor_timeout(armed.motor_timeout)
-            ),
-            fields,
-        )?;
+        tell_armed(out, *axis, &armed)?;
         let ttl = client.axis_ttl(*axis)?;
-        epochs.push(Epoch { axis: *axis, epoch: armed.epoch, ttl });
+        all.push(ArmedAxis { axis: *axis, epoch: armed.epoch, ttl });
     }
-    Ok(epochs)
+    Ok(all)
 }
