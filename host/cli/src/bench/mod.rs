@@ -16,6 +16,7 @@ use host_protocol::{
 use mgw_client::{AxisSetpoint, ClientError, make_signal, make_velocity};
 
 use crate::args::BenchArgs;
+use crate::commands;
 use crate::config::{self, BoardPorts, Configuration};
 use crate::failure::Failure;
 use crate::plan::{Plan, Premises};
@@ -98,11 +99,7 @@ fn axes(session: &mut Session, arguments: &BenchArgs) -> Result<Vec<u8>, Failure
     if !arguments.velocity.is_finite() {
         return Err(Failure::Usage("--velocity takes a number of rad/s".to_owned()));
     }
-    for (place, axis) in axes.iter().enumerate() {
-        if axes[..place].contains(axis) {
-            return Err(Failure::Usage(format!("axis {axis} is named twice")));
-        }
-    }
+    commands::refuse_twice(&axes)?;
     match axes.len() {
         0 => Err(Failure::NotMeasured { text: "no axis is configured".to_owned() }),
         count if count > MAX_CYCLE_AXES => Err(Failure::Usage(format!(

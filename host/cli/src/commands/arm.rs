@@ -1,13 +1,12 @@
 //! `mgw arm`
 
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, Error};
 use mgw_client::{Client, ClientError, Transport};
 
-use super::drive::{ArmedAxis, no_longer_armed, tell_armed, tell_stopped};
+use super::drive::{ArmedAxis, no_longer_armed, round, tell_armed, tell_stopped};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::session::{Session, print_events};
@@ -72,13 +71,7 @@ fn hold_link(session: &mut Session, held: &[ArmedAxis], duration: Duration) -> R
     let out = session.out;
     let axes: Vec<u8> = held.iter().map(|armed| armed.axis).collect();
     let mut failure = None;
-    session.client.hold(duration, |client| match look(client, &axes, held, out) {
-        Err(Failure::Client(error)) if !matches!(error, ClientError::Gateway(_)) => Err(error),
-        seen => {
-            failure = seen.unwrap_or_else(Some);
-            Ok(if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
-        }
-    })?;
+    session.client.hold(duration, |client| round(look(client, &axes, held, out), &mut failure))?;
     failure.map_or(Ok(()), Err)
 }
 

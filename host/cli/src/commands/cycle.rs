@@ -1,14 +1,13 @@
 //! `mgw cycle`
 
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 use host_protocol::{AxisState, CycleEvent, MAX_CYCLE_AXES, Overruns, StateFields};
-use mgw_client::{Client, ClientError, Hold, Round, Transport};
+use mgw_client::{Client, Hold, Round, Transport};
 use serde_json::json;
 
 use super::arm::while_armed;
-use super::drive::{ArmedAxis, no_longer_armed, tell_stopped};
+use super::drive::{ArmedAxis, no_longer_armed, refuse_twice, round, tell_stopped};
 use super::limits;
 use crate::args::{CycleArgs, CycleTarget};
 use crate::explain::Page;
@@ -29,11 +28,7 @@ const HEADINGS: [&str; 7] =
 pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> {
     let targets = CycleTarget::all(&arguments.words, |axis| session.axis(axis))?;
     let axes: Vec<u8> = targets.iter().map(|target| target.axis).collect();
-    for (place, axis) in axes.iter().enumerate() {
-        if axes[..place].contains(axis) {
-            return Err(Failure::Usage(format!("axis {axis} is named twice")));
-        }
-    }
+    refuse_twice(&axes)?;
     if axes.len() > MAX_CYCLE_AXES {
         let text =
             format!("one cycle has at most {MAX_CYCLE_AXES} axes, and these are {}", axes.len());
@@ -87,15 +82,8 @@ impl Periods {
 
     /// One round of the hold.
     fn turn<T: Transport>(&mut self, client: &mut Client<T>, armed: &[ArmedAxis]) -> Round {
-        match self.look(client, armed) {
-            // An interrupt, or a stop that nothing answers: the hold ends as itself.
-            Err(Failure::Client(error)) if !matches!(error, ClientError::Gateway(_)) => Err(error),
-            looked => {
-                self.failure = looked.unwrap_or_else(Some);
-                let is_over = self.failure.is_some();
-                Ok(if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
-            }
-        }
+        let looked = self.look(client, armed);
+        round(looked, &mut self.failure)
     }
 
     /// Takes what was told, prints one of it from time to time; why it cannot go on.

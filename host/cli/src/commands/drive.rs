@@ -71,6 +71,27 @@ where
     }
 }
 
+/// What a look at the axes makes of a round of their hold: a failure ends it and is kept. An
+/// interrupt, or a stop that nothing answers, ends it as itself.
+pub fn round(looked: Result<Option<Failure>, Failure>, failure: &mut Option<Failure>) -> Round {
+    match looked {
+        Err(Failure::Client(error)) if !matches!(error, ClientError::Gateway(_)) => Err(error),
+        looked => {
+            *failure = looked.unwrap_or_else(Some);
+            Ok(if failure.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        }
+    }
+}
+
+/// Refuses axes of which one is named twice.
+pub fn refuse_twice(axes: &[u8]) -> Result<(), Failure> {
+    let mut places = axes.iter().enumerate();
+    match places.find(|(place, axis)| axes[..*place].contains(axis)) {
+        Some((_, axis)) => Err(Failure::Usage(format!("axis {axis} is named twice"))),
+        None => Ok(()),
+    }
+}
+
 /// Of a motion that ends with its stop.
 pub fn nothing_to_tell(_: &mut Session, _: &AxisReport) -> Result<(), Failure> {
     Ok(())
@@ -121,18 +142,7 @@ impl Rounds {
         let axes: Vec<u8> = self.axes.iter().map(|armed| armed.axis).collect();
         let printed = print_events(client, &axes, self.out)
             .and_then(|tripped| self.print_if_due(client).map(|no_longer| tripped.or(no_longer)));
-        match printed {
-            // An interrupt, or a stop that nothing answers: the hold ends as itself.
-            Err(Failure::Client(error)) if !matches!(error, ClientError::Gateway(_)) => Err(error),
-            printed => {
-                self.failure = printed.unwrap_or_else(Some);
-                Ok(if self.failure.is_some() {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                })
-            }
-        }
+        round(printed, &mut self.failure)
     }
 
     /// Ends the hold with a failure.

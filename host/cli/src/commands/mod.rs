@@ -25,7 +25,7 @@ mod trips;
 mod update;
 mod watch;
 
-pub use drive::{ArmedAxis, state_line, tell_armed};
+pub use drive::{ArmedAxis, refuse_twice, state_line, tell_armed};
 pub use info::e_stop as e_stop_text;
 pub use motor::set_id as set_motor_id;
 pub use native::motor as motor_of;

@@ -7,7 +7,7 @@ use host_protocol::{Setpoint, Vec as Members};
 use mgw_client::Hold;
 
 use super::arm::while_armed;
-use super::drive::{ArmedAxis, Rounds, tell_stopped};
+use super::drive::{ArmedAxis, Rounds, refuse_twice, tell_stopped};
 use super::limits;
 use crate::args::{Target, TogetherArgs};
 use crate::failure::Failure;
@@ -35,11 +35,7 @@ fn targets(session: &mut Session, arguments: &TogetherArgs) -> Result<Vec<Target
     if targets.len() > MAX_MEMBERS {
         return Err(many());
     }
-    for (place, target) in targets.iter().enumerate() {
-        if targets.iter().take(place).any(|before| before.axis == target.axis) {
-            return Err(Failure::Usage(format!("axis {} is named twice", target.axis)));
-        }
-    }
+    refuse_twice(&targets.iter().map(|target| target.axis).collect::<Vec<_>>())?;
     Ok(targets)
 }
 
