@@ -8,7 +8,7 @@ use crate::faults::Protocols;
 use crate::json;
 use crate::names::Names;
 use crate::table::Table;
-use crate::words::{self, NOTHING};
+use crate::words::{self, NOTHING, or_nothing};
 
 /// A reading older than this is marked, µs.
 const STALE_AFTER_US: u32 = 1_000_000;
@@ -82,7 +82,7 @@ fn named<T: Clone>(names: &Names, cells: &[T], name: T) -> Vec<T> {
 
 /// The number of an axis, and its name where there is a column of names.
 pub fn axis_cells(axis: u8, names: &Names) -> Vec<String> {
-    let name = names.axis(axis).unwrap_or(NOTHING).to_owned();
+    let name = or_nothing(names.axis(axis));
     named(names, &[axis.to_string()], name)
 }
 
@@ -124,9 +124,7 @@ fn steady(state: AxisState) -> String {
 
 fn reading(field: StateField, reading: Option<Reading>) -> String {
     let digits = digits(field);
-    reading.map_or(NOTHING.to_owned(), |reading| {
-        format!("{:.digits$}{}", reading.value, mark(reading.age_us))
-    })
+    or_nothing(reading.map(|reading| format!("{:.digits$}{}", reading.value, mark(reading.age_us))))
 }
 
 fn faults(faults: Option<FaultReading>) -> String {

@@ -2,8 +2,8 @@
 
 use host_protocol::replies::{ImageReport, StoredReport};
 use host_protocol::{
-    AxisState, Event, EventMessage, ImageState, MotorTimeout, Protocol, ProtocolSet, StoredState,
-    TripReason,
+    AxisState, BusKind, Event, EventMessage, ImageState, MotorTimeout, Protocol, ProtocolSet,
+    StoredState, TripReason,
 };
 use serde::Serialize;
 
@@ -13,6 +13,24 @@ use crate::json;
 
 /// What stands in a table where nothing is known.
 pub const NOTHING: &str = "-";
+
+/// What stands in a table for a value, if there is one.
+pub fn or_nothing(value: Option<impl ToString>) -> String {
+    value.map_or_else(|| NOTHING.to_owned(), |value| value.to_string())
+}
+
+/// What carries a bus, as tables of delays and plans have it.
+pub fn kind(kind: Option<&BusKind>) -> &'static str {
+    match kind {
+        Some(BusKind::Rs485) => "rs485",
+        Some(BusKind::Can) | None => "can",
+    }
+}
+
+/// To a tenth.
+pub fn rounded(value: f64) -> f64 {
+    (value * 10.0).round() / 10.0
+}
 
 /// So many of something: `1 axis`, `2 axes`.
 pub fn count(count: usize, one: &str, more: &str) -> String {

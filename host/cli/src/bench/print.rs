@@ -8,7 +8,7 @@ use crate::failure::Failure;
 use crate::plan::{Premises, plan_to_json, rate, std_time};
 use crate::session::Session;
 use crate::table::Table;
-use crate::words::NOTHING;
+use crate::words::{or_nothing, rounded};
 
 /// Prints all of it.
 pub fn measured(
@@ -69,7 +69,6 @@ const HEADINGS: [&str; 10] = [
 
 fn cells(name: String, spread: &Spread, cycles: Option<&Cycles>) -> Vec<String> {
     let us = |permille| spread.at(permille).as_micros().to_string();
-    let or_nothing = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
     let round = cycles.and_then(|cycles| cycles.plan.round);
     vec![
         name,
@@ -79,7 +78,7 @@ fn cells(name: String, spread: &Spread, cycles: Option<&Cycles>) -> Vec<String> 
         us(1_000),
         spread.jitter().as_micros().to_string(),
         format!("{:.1}", spread.rate()),
-        or_nothing(round.map(|round| round.as_micros().to_string())),
+        or_nothing(round.map(|round| round.as_micros())),
         or_nothing(round.map(|round| format!("{:.1}", rate(round)))),
         or_nothing(cycles.map(|cycles| format!("{:.1}", bus_use(cycles)))),
     ]
@@ -89,10 +88,6 @@ fn cells(name: String, spread: &Spread, cycles: Option<&Cycles>) -> Vec<String> 
 pub fn bus_use(cycles: &Cycles) -> f64 {
     let wires = cycles.plan.buses.iter().map(|(_, plan)| std_time(plan.wire));
     100.0 * wires.max().unwrap_or_default().as_secs_f64() * cycles.spread.rate()
-}
-
-fn rounded(value: f64) -> f64 {
-    (value * 10.0).round() / 10.0
 }
 
 fn to_json(spread: &Spread) -> Value {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use host_protocol::{BootReason, BusKind, Bytes, MAX_CAN_DATA, Protocol};
+use host_protocol::{BootReason, Bytes, MAX_CAN_DATA, Protocol};
 use rmd::{Reply, Request};
 
 use super::spread::Spread;
@@ -11,6 +11,7 @@ use super::{Bench, Cycles, delay_us};
 use crate::delays::{Entry, Histogram, Key, LONGEST_US, SIMULATOR, Table, UNKNOWN, day, to_word};
 use crate::failure::Failure;
 use crate::session::Session;
+use crate::words;
 
 /// What these delays are of. They are no times of frames: what the gateway and the host's line
 /// take, and how that varies, is in them.
@@ -51,7 +52,7 @@ pub fn of(
             protocol: protocol.name().to_owned(),
             model,
             firmware,
-            bus: if kind == Some(&BusKind::Rs485) { "rs485" } else { "can" }.to_owned(),
+            bus: words::kind(kind).to_owned(),
             bitrate: bench.configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate),
             command: COMMAND.to_owned(),
             place: place.clone(),

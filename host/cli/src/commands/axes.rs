@@ -8,7 +8,7 @@ use crate::json;
 use crate::session::Session;
 use crate::states::{axis_cells, axis_headings};
 use crate::table::Table;
-use crate::words::{self, NOTHING};
+use crate::words::{self, or_nothing};
 
 /// Lists the axes that have at least one parameter.
 pub fn run(session: &mut Session) -> Result<(), Failure> {
@@ -27,12 +27,10 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     let headings = [">bus", "protocol", ">node", "state", "missing"];
     let headings = axis_headings(&names).into_iter().chain(headings);
     let mut table = Table::new(&headings.collect::<Vec<_>>());
-    let or_nothing =
-        |value: Option<u8>| value.map_or(NOTHING.to_owned(), |value| value.to_string());
     for axis in &axes {
         table.row(axis_cells(axis.axis, &names).into_iter().chain([
             or_nothing(axis.bus),
-            axis.protocol.map_or(NOTHING, host_protocol::Protocol::name).to_owned(),
+            or_nothing(axis.protocol),
             or_nothing(axis.node),
             words::axis_state(axis.state).to_owned(),
             missing(axis).unwrap_or_default().to_owned(),

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::json;
 use crate::session::Session;
 use crate::table::Table;
-use crate::words::{self, NOTHING};
+use crate::words::{self, or_nothing};
 
 /// Shows one bus, or all of the board.
 pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
@@ -66,15 +66,14 @@ pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
 
 fn setup_row(bus: u8, report: &BusReport) -> [String; 9] {
     let config = report.config;
-    let or_nothing = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
     let yes_or_no = |flag: bool| if flag { "yes" } else { "no" }.to_owned();
     [
         bus.to_string(),
         report.state.to_string(),
-        or_nothing(config.map(|config| config.bitrate.to_string())),
+        or_nothing(config.map(|config| config.bitrate)),
         or_nothing(config.map(|config| words::protocols(config.protocols))),
         or_nothing(config.map(|config| yes_or_no(config.exclusive))),
-        or_nothing(config.map(|config| config.reply_window_us.to_string())),
+        or_nothing(config.map(|config| config.reply_window_us)),
         report.transmit_errors.to_string(),
         report.receive_errors.to_string(),
         if report.raw_open { "open" } else { "closed" }.to_owned(),

@@ -16,7 +16,7 @@ use crate::json;
 use crate::output::Output;
 use crate::session::{EVENTS_AT_ONCE, Session, print_events};
 use crate::table::Table;
-use crate::words::{self, NOTHING};
+use crate::words::{self, or_nothing};
 
 /// Between two printed periods.
 const PRINT_EVERY: Duration = Duration::from_millis(200);
@@ -118,8 +118,7 @@ impl Periods {
 
     fn print(&mut self, event: &CycleEvent) -> Result<(), Failure> {
         let mut table = Table::new(&HEADINGS);
-        let cell =
-            |value: Option<f32>| value.map_or(NOTHING.to_owned(), |value| format!("{value:.3}"));
+        let cell = |value: Option<f32>| or_nothing(value.map(|value| format!("{value:.3}")));
         for state in event.states() {
             table.row([
                 event.period.to_string(),

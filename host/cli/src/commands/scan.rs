@@ -13,7 +13,7 @@ use crate::output::number;
 use crate::scan::{Doubled, Evidence, Found, NotAsked, Scanned, Wanted, scan};
 use crate::session::Session;
 use crate::table::Table;
-use crate::words::{self, NOTHING};
+use crate::words::{self, or_nothing};
 
 /// Shows which motors are on the buses.
 pub fn run(session: &mut Session, arguments: &ScanCommand) -> Result<(), Failure> {
@@ -58,10 +58,9 @@ pub fn wanted(session: &mut Session, arguments: &ScanArgs, force: bool) -> Resul
 }
 
 fn row(scanned: &Scanned, motor: &Found) -> [String; 10] {
-    let or_nothing = |text: Option<String>| text.unwrap_or_else(|| NOTHING.to_owned());
     [
         scanned.bus.to_string(),
-        or_nothing(scanned.bitrate.map(|bitrate| bitrate.to_string())),
+        or_nothing(scanned.bitrate),
         name(motor),
         or_nothing(motor.axis.map(|axis| axis.to_string())),
         or_nothing(motor.model.clone()),
@@ -69,11 +68,10 @@ fn row(scanned: &Scanned, motor: &Found) -> [String; 10] {
         or_nothing(motor.recognised.map(dialect)),
         or_nothing(motor.voltage_v.map(|volts| format!("{volts:.1}"))),
         or_nothing(motor.temperature_c.map(|celsius| celsius.to_string())),
-        match motor.faults {
-            Some(0) => "none".to_owned(),
-            Some(word) => faults::in_words(Some(motor.protocol), word),
-            None => NOTHING.to_owned(),
-        },
+        or_nothing(motor.faults.map(|word| match word {
+            0 => "none".to_owned(),
+            word => faults::in_words(Some(motor.protocol), word),
+        })),
     ]
 }
 

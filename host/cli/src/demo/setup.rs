@@ -13,7 +13,7 @@ use crate::json;
 use crate::output::Output;
 use crate::parameters;
 use crate::table::Table;
-use crate::words::{self, NOTHING};
+use crate::words::{self, or_nothing};
 
 /// A heading of the demonstration.
 pub fn heading(out: Output, text: &str) -> Result<(), Failure> {
@@ -76,10 +76,7 @@ pub fn configure<T: Transport>(
         let mut cells = vec![axis.to_string()];
         for parameter in columns {
             let value = client.read_axis_parameter(axis, parameter)?;
-            cells
-                .push(value.map_or(NOTHING.to_owned(), |value| {
-                    parameters::shown(parameter.info(), value)
-                }));
+            cells.push(or_nothing(value.map(|value| parameters::shown(parameter.info(), value))));
         }
         let report: AxisReport = client.read_state(axis)?;
         cells.push(words::motor_timeout(report.motor_timeout));

@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::json;
 use crate::output::Output;
 use crate::table::Table;
-use crate::words::{self, NOTHING};
+use crate::words::{self, or_nothing};
 
 /// How long the host is silent.
 const SILENCE: Duration = Duration::from_secs(3);
@@ -129,14 +129,13 @@ fn print(stops: &[Stop], silent_from_us: u64, out: Output) -> Result<(), Failure
     for stop in stops {
         table.row([
             stop.axis.to_string(),
-            stop.trip.map_or(NOTHING.to_owned(), |trip| {
-                words::trip_reason(&trip.reason, out.motors.of(stop.axis))
-            }),
-            stop.trip.map_or(NOTHING.to_owned(), |trip| since(trip.time_us)),
-            stop.confirmed
-                .map_or(NOTHING.to_owned(), |(reaction, _)| milliseconds(reaction.into())),
-            stop.confirmed.map_or(NOTHING.to_owned(), |(_, elapsed)| milliseconds(elapsed.into())),
-            stop.at_rest_us.map_or(NOTHING.to_owned(), since),
+            or_nothing(
+                stop.trip.map(|trip| words::trip_reason(&trip.reason, out.motors.of(stop.axis))),
+            ),
+            or_nothing(stop.trip.map(|trip| since(trip.time_us))),
+            or_nothing(stop.confirmed.map(|(reaction, _)| milliseconds(reaction.into()))),
+            or_nothing(stop.confirmed.map(|(_, elapsed)| milliseconds(elapsed.into()))),
+            or_nothing(stop.at_rest_us.map(since)),
             words::axis_state(stop.state).to_owned(),
         ]);
         let mut fields = json::axis::in_state(stop.axis, stop.state);

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use crate::config::{Configuration, Source};
 use crate::delays::{Entry, Key, SIMULATOR, Table};
 use crate::failure::Failure;
+use crate::words;
 
 /// The longest delay that is taken for one, µs.
 const LONGEST_US: u32 = 1_000_000;
@@ -65,10 +66,7 @@ fn of_table(table: &Table, planned: &Planned<'_>) -> Stated {
         let protocol = number(AxisParameter::Protocol).and_then(protocol_of);
         let Some((protocol, bus)) = protocol.zip(number(AxisParameter::Bus)) else { continue };
         let bitrate = planned.configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate);
-        let kind = match planned.kinds.get(usize::from(bus)) {
-            Some(BusKind::Rs485) => "rs485",
-            _ => "can",
-        };
+        let kind = words::kind(planned.kinds.get(usize::from(bus)));
         let model = planned.models.iter().find(|(of, _)| of == axis).map(|(_, model)| model);
         let fitting: Vec<(&Key, &Entry)> = table
             .entries()

@@ -10,7 +10,7 @@ use crate::args::HostLine;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::table::Table;
-use crate::words;
+use crate::words::{kind, or_nothing, rounded};
 
 /// Prints a plan, and what would make the wanted rate hold.
 pub fn plan(
@@ -97,12 +97,11 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
         ">foreign %",
     ]);
     for (bus, plan) in &plan.buses {
-        let or_none = |time: Option<gateway::Duration>| {
-            time.map_or(words::NOTHING.to_owned(), |time| time.as_micros().to_string())
-        };
+        let or_none =
+            |time: Option<gateway::Duration>| or_nothing(time.map(|time| time.as_micros()));
         table.row([
             bus.to_string(),
-            kind(*bus, premises).to_owned(),
+            kind(premises.kinds.get(usize::from(*bus))).to_owned(),
             plan.axes.len().to_string(),
             plan.wire.as_micros().to_string(),
             plan.cycle.as_micros().to_string(),
@@ -110,7 +109,7 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
             or_none(plan.steady),
             or_none(plan.shortest),
             or_none(plan.longest),
-            bus_rate(plan).map_or(words::NOTHING.to_owned(), |rate| format!("{rate:.1}")),
+            or_nothing(bus_rate(plan).map(|rate| format!("{rate:.1}"))),
             percent(plan.polls_permille),
             percent(plan.streams_permille),
             percent(plan.foreign_permille),
@@ -157,19 +156,8 @@ fn bus_rate(plan: &BusPlan) -> Option<f64> {
     plan.period.filter(|period| *period > gateway::Duration::ZERO).map(|p| rate(std_time(p)))
 }
 
-fn kind(bus: u8, premises: &Premises) -> &'static str {
-    match premises.kinds.get(usize::from(bus)) {
-        Some(host_protocol::BusKind::Rs485) => "rs485",
-        _ => "can",
-    }
-}
-
 fn percent(permille: u64) -> String {
     format!("{}.{}", permille / 10, permille % 10)
-}
-
-fn rounded(hertz: f64) -> f64 {
-    (hertz * 10.0).round() / 10.0
 }
 
 /// The plan for programs.
@@ -189,8 +177,8 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
             })
         });
         json!({
-            "bus": bus, "kind": kind(*bus, premises), "wire_us": us(plan.wire),
-            "cycle_us": us(plan.cycle), "repeat_us": plan.repeat.map(us),
+            "bus": bus, "kind": kind(premises.kinds.get(usize::from(*bus))),
+            "wire_us": us(plan.wire), "cycle_us": us(plan.cycle), "repeat_us": plan.repeat.map(us),
             "period_us": plan.period.map(us), "steady_us": plan.steady.map(us),
             "shortest_us": plan.shortest.map(us), "longest_us": plan.longest.map(us), "rate_hz": bus_rate(plan).map(rounded),
             "polls_permille": plan.polls_permille, "streams_permille": plan.streams_permille,

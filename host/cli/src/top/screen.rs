@@ -12,7 +12,7 @@ use crate::commands::e_stop_text;
 use crate::explain::Page;
 use crate::faults;
 use crate::live::{Axis, Bus, Link, Live};
-use crate::words::{self, NOTHING};
+use crate::words::{self, NOTHING, or_nothing};
 
 /// The keys.
 const HELP: &str = "space stop all  ↑↓ choose axis  c clear its trip  q quit";
@@ -203,9 +203,7 @@ fn axis_columns<'a>() -> [Column<AxisRow<'a>>; 9] {
     [
         Column::left(" axis", 5, 9, axis_number),
         Column::left("name", 10, 2, |row| row.axis.name.clone().unwrap_or_default()),
-        Column::left("protocol", 8, 4, |row| {
-            row.axis.protocol.map_or(NOTHING, |protocol| protocol.name()).to_owned()
-        }),
+        Column::left("protocol", 8, 4, |row| or_nothing(row.axis.protocol)),
         Column::left("state", 12, 9, |row| state(row.axis.state).to_owned()),
         Column::right("rad", 9, 7, |row| reading(row, StateField::Position, 3)),
         Column::right("rad/s", 8, 8, |row| reading(row, StateField::Velocity, 2)),
@@ -221,19 +219,17 @@ const BUS_COLUMNS: [Column<Bus>; 9] = [
     Column::left("kind", 5, 2, |bus| bus.kind.to_string()),
     Column::right("bit/s", 7, 3, |bus| {
         let config = bus.report.and_then(|report| report.config);
-        config.map_or(NOTHING.to_owned(), |config| config.bitrate.to_string())
+        or_nothing(config.map(|config| config.bitrate))
     }),
-    Column::left("state", 12, 8, |bus| {
-        bus.report.map_or(NOTHING.to_owned(), |report| report.state.to_string())
-    }),
+    Column::left("state", 12, 8, |bus| or_nothing(bus.report.map(|report| report.state))),
     Column::right("load", 6, 7, |bus| {
-        bus.load_at_most().map_or(NOTHING.to_owned(), |load| format!("≤{:.0} %", load * 100.0))
+        or_nothing(bus.load_at_most().map(|load| format!("≤{:.0} %", load * 100.0)))
     }),
     Column::right("sent/s", 6, 4, |bus| {
-        bus.rates().map_or(NOTHING.to_owned(), |(sent, _)| format!("{sent:.0}"))
+        or_nothing(bus.rates().map(|(sent, _)| format!("{sent:.0}")))
     }),
     Column::right("recv/s", 6, 4, |bus| {
-        bus.rates().map_or(NOTHING.to_owned(), |(_, received)| format!("{received:.0}"))
+        or_nothing(bus.rates().map(|(_, received)| format!("{received:.0}")))
     }),
     Column::left("errors", 15, 6, errors),
 ];
@@ -252,17 +248,17 @@ fn state(state: AxisState) -> &'static str {
 
 fn reading(row: &AxisRow<'_>, field: StateField, digits: usize) -> String {
     let reading = row.axis.reading(field, row.now);
-    reading.map_or(NOTHING.to_owned(), |reading| {
+    or_nothing(reading.map(|reading| {
         let mark = if reading.age_us > STALE_AFTER_US { "*" } else { "" };
         format!("{:.digits$}{mark}", reading.value)
-    })
+    }))
 }
 
 /// Of the motor, or of its driver where that is all that it tells.
 fn temperature(row: &AxisRow<'_>) -> String {
     let fields = [StateField::MotorTemperature, StateField::DriverTemperature];
     let known = fields.into_iter().find(|field| row.axis.reading(*field, row.now).is_some());
-    known.map_or(NOTHING.to_owned(), |field| reading(row, field, 0))
+    or_nothing(known.map(|field| reading(row, field, 0)))
 }
 
 fn age(row: &AxisRow<'_>) -> String {
