@@ -137,6 +137,17 @@ impl fmt::Display for Quantity {
     }
 }
 
+impl Value {
+    /// The number, if it is one from 0.
+    #[must_use]
+    pub const fn as_unsigned(self) -> Option<u32> {
+        match self {
+            Self::Unsigned(number) => Some(number),
+            Self::Bool(_) | Self::Signed(_) | Self::Float(_) => None,
+        }
+    }
+}
+
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -2,7 +2,7 @@
 //! answer says what.
 
 use host_protocol::replies::Recognition;
-use host_protocol::{Agreement, AxisParameter, Protocol, Value, VersionAnswer};
+use host_protocol::{Agreement, Protocol, VersionAnswer};
 use mgw_client::ClientError;
 use rmd::{Dialect, Dialects};
 use serde_json::json;
@@ -32,11 +32,7 @@ pub fn of_axes(session: &mut Session) -> Result<Vec<Asked>, Failure> {
             Err(ClientError::Gateway(error)) => Err(error.to_string()),
             Err(error) => return Err(error.into()),
         };
-        let stated = session.client.read_axis_parameter(axis, AxisParameter::RmdDialect)?;
-        let stated = match stated {
-            Some(Value::Unsigned(number)) => Dialect::from_number(number).unwrap_or_default(),
-            _ => Dialect::default(),
-        };
+        let stated = session.stated_dialect(axis)?.unwrap_or_default();
         all.push(Asked { axis, stated, told });
     }
     Ok(all)

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use host_protocol::replies::AxisReport;
-use host_protocol::{AxisParameter, AxisState, Error, Event, EventMessage};
+use host_protocol::{AxisParameter, AxisState, Error, Event, EventMessage, Value};
 use mgw_client::{Client, ClientError, Interrupt, Transport};
+use rmd::Dialect;
 use serde_json::json;
 
 use crate::args::{MotorTarget, ScanTarget, Typed, TypedMotor, TypedScan};
@@ -132,6 +133,12 @@ impl Session {
             return Ok(named.to_vec());
         }
         Ok(self.client.list_axes()?.iter().map(|axis| axis.axis).collect())
+    }
+
+    /// The dialect that an axis states, also by its default.
+    pub fn stated_dialect(&mut self, axis: u8) -> Result<Option<Dialect>, ClientError> {
+        let stated = self.client.read_axis_parameter(axis, AxisParameter::RmdDialect)?;
+        Ok(stated.and_then(Value::as_unsigned).and_then(Dialect::from_number))
     }
 
     /// Refuses axes of which not one parameter is set, with what follows from that.

@@ -50,10 +50,8 @@ impl Limits {
         if !values.iter().any(|value| is(AxisParameter::Protocol)(&value)) {
             return Ok(None);
         }
-        let bus = match values.iter().find(is(AxisParameter::Bus)) {
-            Some((_, Value::Unsigned(bus))) => usize::try_from(*bus).unwrap_or(usize::MAX),
-            _ => usize::MAX,
-        };
+        let bus = values.iter().find(is(AxisParameter::Bus)).and_then(|(_, bus)| bus.as_unsigned());
+        let bus = bus.and_then(|bus| usize::try_from(bus).ok()).unwrap_or(usize::MAX);
         let capability = session.client.hello().buses.get(bus);
         let bus = capability.map_or(BusKind::Can, |capability| capability.kind);
         let mut rules = AxisRules::new(axis, bus);

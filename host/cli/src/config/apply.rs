@@ -1,6 +1,6 @@
 //! The configuration that a gateway has, and what is written to its motors.
 
-use host_protocol::{GatewayParameter, MotorTimeout, Protocol, Value};
+use host_protocol::{GatewayParameter, MotorTimeout, Protocol};
 use mgw_client::{Client, ClientError, Transport};
 
 use super::Configuration;
@@ -55,10 +55,8 @@ pub fn write_timeouts<T: Transport>(
     let (mut count, mut failed) = (0, None);
     for (axis, timeout_ms) in &wanted.motor_timeouts {
         let protocol = wanted.axes.get(axis).and_then(|values| {
-            match values.get(&host_protocol::AxisParameter::Protocol) {
-                Some(Value::Unsigned(number)) => Protocol::try_from(*number).ok(),
-                _ => None,
-            }
+            let number = values.get(&host_protocol::AxisParameter::Protocol)?.as_unsigned()?;
+            Protocol::try_from(number).ok()
         });
         let known = written(client.axis_settings(*axis)?.1, protocol);
         let is_known = known == Some(*timeout_ms)

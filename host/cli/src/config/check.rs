@@ -89,18 +89,15 @@ impl Check<'_> {
             let takes = format!("it takes {}", parameters::allowed(parameter.info()));
             self.lacks(row, parameter.text().name, &takes);
         }
-        let bus = values.get(&AxisParameter::Bus).copied();
-        if let Some(Value::Unsigned(bus)) = bus
+        let bus = values.get(&AxisParameter::Bus).copied().and_then(Value::as_unsigned);
+        if let Some(bus) = bus
             && usize::try_from(bus).is_ok_and(|bus| bus < board.ports.len())
             && !configuration.buses.keys().any(|known| u32::from(*known) == bus)
         {
             let text = format!("bus {bus} is not configured; add [[bus]] with bus = {bus}");
             self.says(row, Some("bus"), "BusNotConfigured", text);
         }
-        let kind = match bus {
-            Some(Value::Unsigned(bus)) => usize::try_from(bus).ok().and_then(|bus| board.kind(bus)),
-            _ => None,
-        };
+        let kind = bus.and_then(|bus| board.kind(usize::try_from(bus).ok()?));
         let mut rules = AxisRules::new(axis, kind.unwrap_or(BusKind::Can));
         for (parameter, value) in &values {
             // Its range was looked at when it was read.

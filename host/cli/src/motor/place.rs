@@ -105,10 +105,7 @@ struct Place {
 }
 
 fn unsigned(value: Option<&Value>) -> Option<u32> {
-    match value {
-        Some(Value::Unsigned(number)) => Some(*number),
-        _ => None,
-    }
+    value.and_then(|value| value.as_unsigned())
 }
 
 fn byte(value: Option<&Value>) -> Option<u8> {
@@ -387,11 +384,10 @@ impl Run<'_> {
             set(AxisParameter::StopAction, stop.into());
         }
         if protocol == Protocol::Rmd {
-            let stated = (is_own && self.motor.found.is_some())
-                .then(|| self.session.client.read_axis_parameter(axis, AxisParameter::RmdDialect));
-            let stated = match stated.transpose()? {
-                Some(Some(Value::Unsigned(number))) => Dialect::from_number(number),
-                _ => None,
+            let stated = if is_own && self.motor.found.is_some() {
+                self.session.stated_dialect(axis)?
+            } else {
+                None
             };
             let recognised = self.motor.found.as_ref().and_then(|found| found.recognised);
             self.motor.dialects = match stated.filter(|stated| *stated != Dialect::Unknown) {

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use host_protocol::{AxisParameter, BusKind, Protocol, Value};
+use host_protocol::{AxisParameter, BusKind, Protocol};
 use serde::Deserialize;
 
 use crate::config::{Configuration, Source};
@@ -59,10 +59,8 @@ pub fn read(source: &Source, planned: &Planned<'_>) -> Result<Stated, Failure> {
 fn of_table(table: &Table, planned: &Planned<'_>) -> Stated {
     let mut stated = Stated::default();
     for (axis, values) in &planned.configuration.axes {
-        let number = |parameter: AxisParameter| match values.get(&parameter) {
-            Some(Value::Unsigned(number)) => u8::try_from(*number).ok(),
-            _ => None,
-        };
+        let number =
+            |parameter: AxisParameter| u8::try_from(values.get(&parameter)?.as_unsigned()?).ok();
         let protocol = number(AxisParameter::Protocol).and_then(protocol_of);
         let Some((protocol, bus)) = protocol.zip(number(AxisParameter::Bus)) else { continue };
         let bitrate = planned.configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate);

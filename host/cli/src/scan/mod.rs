@@ -469,12 +469,7 @@ fn name_axis(
     let Some(axis) = axes.iter().find(is_of).map(|axis| axis.axis) else { return Ok(()) };
     motor.axis = Some(axis);
     let Some(recognised) = motor.recognised else { return Ok(()) };
-    let stated = session.client.read_axis_parameter(axis, AxisParameter::RmdDialect)?;
-    let stated = match stated {
-        Some(Value::Unsigned(number)) => Dialect::from_number(number),
-        _ => None,
-    };
-    motor.contradicted = stated.filter(|stated| !recognised.allows(*stated));
+    motor.contradicted = session.stated_dialect(axis)?.filter(|stated| !recognised.allows(*stated));
     Ok(())
 }
 
