@@ -8,7 +8,7 @@ use mgw_client::{Client, ClientError, Interrupt, Transport};
 use rmd::Dialect;
 use serde_json::json;
 
-use crate::args::{MotorTarget, ScanTarget, Typed, TypedMotor, TypedScan};
+use crate::args::{MotorTarget, ScanTarget, Typed};
 use crate::config;
 use crate::failure::Failure;
 use crate::faults::{self, Protocols};
@@ -97,7 +97,7 @@ impl Session {
 
     /// The motor that was typed. Where its name is gone, a `mgw motor` that was ended halfway may
     /// have taken it away.
-    pub fn motor(&mut self, typed: &TypedMotor) -> Result<MotorTarget, Failure> {
+    pub fn motor(&mut self, typed: &MotorTarget<Typed>) -> Result<MotorTarget, Failure> {
         let found = self.named_motor(typed);
         let Err(Failure::Usage(text)) = &found else { return found };
         let running = config::read(&mut self.client)?;
@@ -107,10 +107,10 @@ impl Session {
         }
     }
 
-    fn named_motor(&mut self, typed: &TypedMotor) -> Result<MotorTarget, Failure> {
+    fn named_motor(&mut self, typed: &MotorTarget<Typed>) -> Result<MotorTarget, Failure> {
         Ok(match typed {
-            TypedMotor::Axis(axis) => MotorTarget::Axis(self.axis(axis)?),
-            TypedMotor::Place { bus, protocol, node, bitrate } => MotorTarget::Place {
+            MotorTarget::Axis(axis) => MotorTarget::Axis(self.axis(axis)?),
+            MotorTarget::Place { bus, protocol, node, bitrate } => MotorTarget::Place {
                 bus: self.bus(bus)?,
                 protocol: *protocol,
                 node: *node,
@@ -120,8 +120,11 @@ impl Session {
     }
 
     /// The buses that were typed to be scanned.
-    pub fn scan_targets(&mut self, typed: &[TypedScan]) -> Result<Vec<ScanTarget>, Failure> {
-        let target = |TypedScan { bus, bitrates }: &TypedScan| {
+    pub fn scan_targets(
+        &mut self,
+        typed: &[ScanTarget<Typed>],
+    ) -> Result<Vec<ScanTarget>, Failure> {
+        let target = |ScanTarget { bus, bitrates }: &ScanTarget<Typed>| {
             Ok(ScanTarget { bus: self.bus(bus)?, bitrates: bitrates.clone() })
         };
         typed.iter().map(target).collect()

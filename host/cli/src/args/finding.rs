@@ -7,13 +7,13 @@ use clap::Args;
 use host_protocol::{Protocol, StopAction};
 use rmd::Dialect;
 
-use super::typed::TypedScan;
+use super::typed::Typed;
 use super::values::{scan_target, seconds, stop_action};
 
-/// A bus, and at which bitrates it is scanned.
+/// A bus, by number or as it was typed, and at which bitrates it is scanned.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ScanTarget {
-    pub bus: u8,
+pub struct ScanTarget<B = u8> {
+    pub bus: B,
     pub bitrates: Bitrates,
 }
 
@@ -34,7 +34,7 @@ pub struct ScanArgs {
     /// there instead of at its own, on CAN until motors are found; only one without axes, which is
     /// configured as before afterwards
     #[arg(value_name = "BUS[@BIT/S,…|@all]", value_parser = scan_target)]
-    pub targets: Vec<TypedScan>,
+    pub targets: Vec<ScanTarget<Typed>>,
     /// Seconds to listen before the first motor is asked: to what motors send by themselves
     #[arg(
         long, default_value = "1.2",

@@ -38,7 +38,7 @@ pub use motor::{
 };
 pub use plan::{HostLine, PlanArgs};
 pub use recording::{FileArgs, Part, PlayArgs, PlotArgs, RecordArgs};
-pub use typed::{Typed, TypedClear, TypedMotor, TypedScan, TypedStop};
+pub use typed::{Typed, TypedClear, TypedStop};
 pub use update::{ImageArgs, UpdateArgs};
 use values::{clear_target, seconds, stop_target};
 pub use watching::{RawAction, TopArgs, WatchArgs};

@@ -5,17 +5,17 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum};
 use host_protocol::Protocol;
 
-use super::typed::TypedMotor;
+use super::typed::Typed;
 use crate::parameters;
 
-/// Whose settings they are.
+/// Whose settings they are; axis and bus by number, or as they were typed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MotorTarget {
+pub enum MotorTarget<A = u8> {
     /// The motor of an axis.
-    Axis(u8),
+    Axis(A),
     /// A motor that need not be configured.
     Place {
-        bus: u8,
+        bus: A,
         /// Where it is named: a node may be that of an RMD and of a thruster.
         protocol: Option<Protocol>,
         node: u8,
@@ -28,7 +28,7 @@ pub enum MotorTarget {
 pub struct MotorArgs {
     /// An axis, or a motor by its place: 0:1, 0:thruster:11, 1:d5:0x0B@210526
     #[arg(value_name = "AXIS|BUS:[PROTOCOL:]NODE[@BIT/S]", value_parser = motor_target)]
-    pub target: TypedMotor,
+    pub target: MotorTarget<Typed>,
     /// Do it without asking
     #[arg(long, global = true)]
     pub yes: bool,
@@ -165,7 +165,7 @@ pub enum Reports {
 }
 
 /// `0`, `0:1`, `0:thruster:11`, `1:d5:0x0B@210526`
-fn motor_target(text: &str) -> Result<TypedMotor, String> {
+fn motor_target(text: &str) -> Result<MotorTarget<Typed>, String> {
     let wrong = || {
         "takes an axis, or BUS:NODE, BUS:PROTOCOL:NODE, each with @BIT/S where the bus runs \
             otherwise, axis and bus by number or by name: 0, left, 0:1, arm_bus:1, 0:thruster:11, \
@@ -180,7 +180,7 @@ fn motor_target(text: &str) -> Result<TypedMotor, String> {
     let words: Vec<&str> = motor.split(':').collect();
     let (bus, protocol, node) = match words.as_slice() {
         [axis] if bitrate.is_none() => {
-            return axis.parse().map(TypedMotor::Axis).map_err(|_| wrong());
+            return axis.parse().map(MotorTarget::Axis).map_err(|_| wrong());
         }
         [bus, node] => (bus, None, node),
         [bus, protocol, node] => {
@@ -190,7 +190,7 @@ fn motor_target(text: &str) -> Result<TypedMotor, String> {
     };
     let bus = bus.parse().map_err(|_| wrong())?;
     let node = byte(node).ok_or_else(wrong)?;
-    Ok(TypedMotor::Place { bus, protocol, node, bitrate })
+    Ok(MotorTarget::Place { bus, protocol, node, bitrate })
 }
 
 fn zero(text: &str) -> Result<Zero, String> {

@@ -3,9 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use host_protocol::{Protocol, is_name};
+use host_protocol::is_name;
 
-use super::finding::Bitrates;
 use crate::parameters;
 
 /// An axis or a bus: its number, or its name, which the gateway knows.
@@ -51,20 +50,4 @@ pub enum TypedStop {
 pub enum TypedClear {
     Gateway,
     Axis(Typed),
-}
-
-/// Whose settings they are.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum TypedMotor {
-    /// The motor of an axis.
-    Axis(Typed),
-    /// A motor that need not be configured.
-    Place { bus: Typed, protocol: Option<Protocol>, node: u8, bitrate: Option<u32> },
-}
-
-/// A bus, and at which bitrates it is scanned.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TypedScan {
-    pub bus: Typed,
-    pub bitrates: Bitrates,
 }

@@ -5,8 +5,8 @@ use std::time::Duration;
 use host_protocol::{Protocol, StateField, StopAction};
 use rmd::Dialect;
 
-use super::finding::{Bitrates, FactoryMotor};
-use super::typed::{Typed, TypedClear, TypedScan, TypedStop};
+use super::finding::{Bitrates, FactoryMotor, ScanTarget};
+use super::typed::{Typed, TypedClear, TypedStop};
 
 /// Seconds from 0 on.
 pub fn seconds(text: &str) -> Result<Duration, String> {
@@ -48,7 +48,7 @@ pub fn clear_target(text: &str) -> Result<TypedClear, String> {
 }
 
 /// `0`, `0@1000000,500000`, `0@all`
-pub fn scan_target(text: &str) -> Result<TypedScan, String> {
+pub fn scan_target(text: &str) -> Result<ScanTarget<Typed>, String> {
     let wrong = || {
         "takes a bus, or a bus with bitrates: 0, arm_bus, 0@1000000, 2@115200,500000 or 2@all"
             .to_owned()
@@ -61,7 +61,7 @@ pub fn scan_target(text: &str) -> Result<TypedScan, String> {
             (bus, Bitrates::Named(bitrates.map_err(|_| wrong())?))
         }
     };
-    Ok(TypedScan { bus: bus.parse().map_err(|_| wrong())?, bitrates })
+    Ok(ScanTarget { bus: bus.parse().map_err(|_| wrong())?, bitrates })
 }
 
 /// The name of a stop action.
