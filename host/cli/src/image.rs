@@ -6,6 +6,7 @@ use crate::args::ImageArgs;
 use crate::failure::Failure;
 use crate::image_file::{ImageFile, read_key};
 use crate::output::Output;
+use crate::written;
 
 /// Says what an image is, and writes it out.
 pub fn run(arguments: &ImageArgs, out: Output) -> Result<(), Failure> {
@@ -15,8 +16,7 @@ pub fn run(arguments: &ImageArgs, out: Output) -> Result<(), Failure> {
     }
     let ImageFile { header, bytes } = &image;
     if let Some(path) = &arguments.output {
-        std::fs::write(path, bytes)
-            .map_err(|source| Failure::Unwritten { path: path.display().to_string(), source })?;
+        written::write(path, bytes, true)?;
     }
     let key = if header.has_key() { "takes only images signed with its key" } else { "no key" };
     out.object(&json!({

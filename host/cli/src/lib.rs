@@ -46,6 +46,7 @@ mod terminal;
 mod top;
 mod view;
 mod words;
+mod written;
 
 use std::process::ExitCode;
 

@@ -22,6 +22,7 @@ use crate::failure::Failure;
 use crate::plan::{Plan, Premises};
 use crate::session::Session;
 use crate::terminal;
+use crate::written;
 use spread::Spread;
 
 /// What was measured.
@@ -76,7 +77,7 @@ pub fn run(session: &mut Session, arguments: &BenchArgs) -> Result<(), Failure> 
     }
     if let Some(path) = &arguments.table {
         let table = table::of(session, &bench, &alone, &ping)?;
-        crate::delays::write(path, &table, true)?;
+        written::write(path, table.to_string(), true)?;
     }
     let measured = Measured { ping, read_state, cycles, delays };
     if let Some(path) = &arguments.svg {

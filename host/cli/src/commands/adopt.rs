@@ -1,9 +1,6 @@
 //! `mgw adopt`
 
 use std::collections::BTreeMap;
-use std::fs::OpenOptions;
-use std::io::Write;
-use std::path::Path;
 
 use gateway::AxisRules;
 use host_protocol::{AxisParameter, BusKind, Protocol, StopAction, Subject, Text, Value};
@@ -16,6 +13,7 @@ use crate::failure::Failure;
 use crate::scan::{Found, Scanned};
 use crate::session::Session;
 use crate::words;
+use crate::written;
 
 /// What the file says of itself.
 const HEADING: &str = "\
@@ -46,7 +44,7 @@ pub fn run(session: &mut Session, arguments: &AdoptArgs) -> Result<(), Failure> 
     // Before anything is asked: a scan takes its time.
     if let Some(path) = arguments.output.as_deref().filter(|path| path.exists() && !arguments.force)
     {
-        return Err(unwritten(path, std::io::ErrorKind::AlreadyExists.into()));
+        return Err(written::unwritten(path, std::io::ErrorKind::AlreadyExists.into()));
     }
     let mut proposal = Proposal {
         wanted: config::read(&mut session.client)?,
@@ -80,24 +78,13 @@ pub fn run(session: &mut Session, arguments: &AdoptArgs) -> Result<(), Failure> 
     let Some(path) = path else {
         return text.lines().try_for_each(|line| session.out.text(line));
     };
-    write(path, &text, arguments.force)?;
+    written::write(path, &text, arguments.force)?;
     session.out.text(format!(
         "{}: {}, {} of them new. Read it, then `mgw config check {0}`",
         path.display(),
         words::count(wanted.axes.len(), "axis", "axes"),
         adopted.len()
     ))
-}
-
-fn write(path: &Path, text: &str, force: bool) -> Result<(), Failure> {
-    let mut options = OpenOptions::new();
-    let options = options.write(true).create(force).truncate(force).create_new(!force);
-    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|source| unwritten(path, source))
-}
-
-fn unwritten(path: &Path, source: std::io::Error) -> Failure {
-    Failure::Unwritten { path: path.display().to_string(), source }
 }
 
 impl Proposal {

@@ -15,6 +15,7 @@ use crate::json;
 use crate::session::Session;
 use crate::table::Table;
 use crate::words;
+use crate::written::unwritten;
 
 /// Shows what the gateway remembers over a reset: its crash report, its trips and its starts.
 pub fn run(session: &mut Session) -> Result<(), Failure> {
@@ -151,10 +152,6 @@ impl<'a> Save<'a> {
         self.file.replace(record).map_err(|source| unwritten(self.path, source))?;
         Ok(self.path.display().to_string())
     }
-}
-
-fn unwritten(path: &Path, source: std::io::Error) -> Failure {
-    Failure::Unwritten { path: path.display().to_string(), source }
 }
 
 /// A trip or a start as one line.

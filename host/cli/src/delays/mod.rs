@@ -8,8 +8,8 @@ mod recording;
 mod table;
 mod wire_time;
 
-use std::fs::{self, OpenOptions};
-use std::io::{Read, Write};
+use std::fs;
+use std::io::Read;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -18,6 +18,7 @@ use crate::args::{DelaysArgs, Told};
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::record;
+use crate::written;
 
 pub use histogram::{Histogram, LONGEST_US};
 use recording::Reading;
@@ -39,7 +40,7 @@ pub fn run(arguments: &DelaysArgs, out: Output) -> Result<(), Failure> {
             out.object(&json!({ "reply_delays": to_json(&merged) }))
         }
         Some(path) => {
-            write(path, &merged, arguments.force)?;
+            written::write(path, merged.to_string(), arguments.force)?;
             let (count, file) = (merged.entries().count(), path.display().to_string());
             out.event(
                 "delays_written",
@@ -48,15 +49,6 @@ pub fn run(arguments: &DelaysArgs, out: Output) -> Result<(), Failure> {
             )
         }
     }
-}
-
-/// Writes a table into a file.
-pub fn write(path: &Path, table: &Table, force: bool) -> Result<(), Failure> {
-    let mut options = OpenOptions::new();
-    let options = options.write(true).create(force).truncate(force).create_new(!force);
-    let text = table.to_string();
-    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|source| Failure::Unwritten { path: path.display().to_string(), source })
 }
 
 /// The table of a file: of a recording what is measured in it.

@@ -1,8 +1,6 @@
 //! The settings of a motor as a file: what it tells is written, compared, and given back to it.
 
 use std::fmt::Write as _;
-use std::fs::OpenOptions;
-use std::io::Write as _;
 use std::path::Path;
 
 use toml::de::{DeTable, DeValue};
@@ -16,6 +14,7 @@ use crate::config::Source;
 use crate::failure::Failure;
 use crate::motor::{Asked, on_motor};
 use crate::session::Session;
+use crate::written;
 
 /// What the file says of itself.
 const HEADING: &str = "\
@@ -55,10 +54,7 @@ pub fn dump(run: &mut Run<'_>, output: Option<&Path>, force: bool) -> Result<(),
         }
         return run.report("dump", &values, None, &[]);
     };
-    let mut options = OpenOptions::new();
-    let options = options.write(true).create(force).truncate(force).create_new(!force);
-    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|source| Failure::Unwritten { path: path.display().to_string(), source })?;
+    written::write(path, text, force)?;
     let note = format!("{} settings in {}", values.len(), path.display());
     run.report("dump", &values, None, &[note])
 }

@@ -1,7 +1,6 @@
 //! The files of a recording: MCAP, one behind the other as each gets long.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::OpenOptions;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -14,6 +13,7 @@ use super::encode::{Losses, Message};
 use super::schemas::Schema;
 use super::{Place, Summary};
 use crate::failure::Failure;
+use crate::written::{self, unwritten};
 
 /// What a message takes in a file besides its text: record, header, and its place in the index.
 const OVERHEAD: u64 = 9 + 22 + 16;
@@ -34,12 +34,7 @@ pub struct Limits {
 
 /// Opens files on the disk.
 pub fn opener(place: Place) -> Opener {
-    Box::new(move |path| {
-        let force = place.force;
-        let mut options = OpenOptions::new();
-        options.write(true).create(force).truncate(force).create_new(!force);
-        Ok(Box::new(options.open(path)?))
-    })
+    Box::new(move |path| Ok(Box::new(written::open(path, place.force)?)))
 }
 
 /// The files of a recording.
@@ -118,7 +113,7 @@ fn failed(path: &Path, error: McapError) -> Failure {
         McapError::Io(error) => error,
         other => io::Error::other(other.to_string()),
     };
-    Failure::Unwritten { path: path.display().to_string(), source }
+    unwritten(path, source)
 }
 
 /// `run.mcap` as `run.2.mcap`.
@@ -132,8 +127,7 @@ fn numbered(first: &Path, number: usize) -> PathBuf {
 
 impl Current {
     fn create(path: &Path, open: &mut Opener) -> Result<Self, Failure> {
-        let unwritten = |source| Failure::Unwritten { path: path.display().to_string(), source };
-        let sink = open(path).map_err(unwritten)?;
+        let sink = open(path).map_err(|source| unwritten(path, source))?;
         // Without seeking a chunk goes out whole, so no reader ever finds one half described.
         let mut writer = WriteOptions::new()
             .compression(None)

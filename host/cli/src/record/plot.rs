@@ -1,10 +1,7 @@
 //! `mgw plot`: curves of chosen fields over time, as a picture.
 
 use std::collections::BTreeMap;
-use std::fs::OpenOptions;
-use std::io::Write;
 use std::ops::Range;
-use std::path::Path;
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -17,6 +14,7 @@ use crate::args::PlotArgs;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::states;
+use crate::written;
 
 const WIDTH: u32 = 960;
 /// Of the chart of one field.
@@ -66,19 +64,12 @@ pub fn run(arguments: &PlotArgs, out: Output) -> Result<(), Failure> {
     let drawn = picture.file(&names, format).map_err(|error| Failure::NotMeasured {
         text: format!("the picture cannot be drawn ({error})"),
     })?;
-    write(&output, &drawn, arguments.force)?;
+    written::write(&output, drawn, arguments.force)?;
     out.event(
         "drawn",
         format!("{charts} curves are in {}", output.display()),
         json!({ "file": output.display().to_string(), "curves": charts }),
     )
-}
-
-fn write(path: &Path, bytes: &[u8], force: bool) -> Result<(), Failure> {
-    let mut options = OpenOptions::new();
-    let options = options.write(true).create(force).truncate(force).create_new(!force);
-    let written = options.open(path).and_then(|mut file| file.write_all(bytes));
-    written.map_err(|source| Failure::Unwritten { path: path.display().to_string(), source })
 }
 
 impl Curves {
@@ -217,6 +208,8 @@ fn thinned(curve: &Curve, times: &Range<f64>) -> Curve {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     /// Two curves at 0 and at 10, and a trip in the middle of the time.
