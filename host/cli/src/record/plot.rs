@@ -7,7 +7,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use serde_json::{Value, json};
 
-use super::picture::{Drawing, Format, picture};
+use super::picture::{Format, PIXEL, has_font, png};
 use super::play::each;
 use super::read::Recorded;
 use crate::args::PlotArgs;
@@ -96,13 +96,43 @@ impl Curves {
         }
     }
 
-    /// The bytes of the picture: a chart for each field of which there is something.
+    /// The bytes of the picture: a chart for each field of which there is something, one below the
+    /// other.
     fn file(&self, names: &[&str], format: Format) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-        let charts: Vec<usize> = (0..names.len())
-            .filter(|place| self.curves.keys().any(|(of, _)| of == place))
-            .collect();
-        let height = HEIGHT * u32::try_from(charts.len())?;
-        picture(format, (WIDTH, height), &Charts { curves: self, names, charts })
+        has_font()?;
+        let is_there = |(place, _): &(usize, &&str)| self.curves.keys().any(|(of, _)| of == place);
+        let charts: Vec<(usize, &&str)> = names.iter().enumerate().filter(is_there).collect();
+        let size = (WIDTH, HEIGHT * u32::try_from(charts.len())?);
+        match format {
+            Format::Svg => {
+                let mut text = String::new();
+                self.draw(SVGBackend::with_string(&mut text, size), &charts)?;
+                Ok(text.into_bytes())
+            }
+            Format::Png => {
+                let count = usize::try_from(u64::from(size.0) * u64::from(size.1))?;
+                let mut pixels = vec![0; count.checked_mul(PIXEL).ok_or("it is too large")?];
+                self.draw(BitMapBackend::with_buffer(&mut pixels, size), &charts)?;
+                png(size.0, size.1, &pixels)
+            }
+        }
+    }
+
+    fn draw<B: DrawingBackend>(
+        &self,
+        on: B,
+        charts: &[(usize, &&str)],
+    ) -> Result<(), Box<dyn std::error::Error>>
+    where
+        B::ErrorType: 'static,
+    {
+        let root = on.into_drawing_area();
+        root.fill(&WHITE)?;
+        let times = span(self.curves.values().flatten().map(|point| point.0));
+        for (area, (place, name)) in root.split_evenly((charts.len(), 1)).iter().zip(charts) {
+            self.chart(area, name, *place, times.clone())?;
+        }
+        Ok(root.present()?)
     }
 
     fn chart<B: DrawingBackend>(
@@ -140,32 +170,6 @@ impl Curves {
             chart.draw_series([PathElement::new(line, RED.stroke_width(2))])?;
         }
         chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
-        Ok(())
-    }
-}
-
-/// The charts of a picture, one below the other.
-struct Charts<'a> {
-    curves: &'a Curves,
-    names: &'a [&'a str],
-    /// The places of their fields among the names.
-    charts: Vec<usize>,
-}
-
-impl Drawing for Charts<'_> {
-    fn draw<B: DrawingBackend>(
-        &self,
-        on: &DrawingArea<B, Shift>,
-    ) -> Result<(), Box<dyn std::error::Error>>
-    where
-        B::ErrorType: 'static,
-    {
-        on.fill(&WHITE)?;
-        let times = span(self.curves.curves.values().flatten().map(|point| point.0));
-        for (area, place) in on.split_evenly((self.charts.len(), 1)).iter().zip(&self.charts) {
-            let name = self.names.get(*place).copied().unwrap_or_default();
-            self.curves.chart(area, name, *place, times.clone())?;
-        }
         Ok(())
     }
 }
