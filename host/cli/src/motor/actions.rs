@@ -8,7 +8,7 @@ use thruster::{Milliseconds, ReturnFlags, ReturnFrames};
 use super::change::change_to;
 use super::identity::refuse_taken;
 use super::settings::{self, Group, Number, Values};
-use super::{Run, failed, lacks};
+use super::{Run, lacks};
 use crate::args::{BrakeAction, FunctionName, OnOff, Reports};
 use crate::failure::Failure;
 use crate::words;
@@ -30,7 +30,7 @@ pub fn zero_here(run: &mut Run<'_>) -> Result<(), Failure> {
             run.switch_off()?;
             let written = match run.ask_rmd(&Request::WritePositionAsZero)? {
                 Reply::PositionWrittenAsZero { offset } => offset.0,
-                _ => return Err(unconfirmed(run, "it does not tell the zero point")),
+                _ => return Err(run.unconfirmed("it does not tell the zero point")),
             };
             let is_back = run.restart()?;
             let after = settings::read(run, &keys)?;
@@ -39,10 +39,9 @@ pub fn zero_here(run: &mut Run<'_>) -> Result<(), Failure> {
             if is_back && has == Some(&Number::Integer(written.into())) {
                 return Ok(());
             }
-            Err(unconfirmed(
-                run,
-                &format!("it told {written} pulses, which do not act yet: switch it off and on"),
-            ))
+            Err(run.unconfirmed(&format!(
+                "it told {written} pulses, which do not act yet: switch it off and on"
+            )))
         }
         Protocol::Thruster => {
             let before = position(run)?;
@@ -50,7 +49,7 @@ pub fn zero_here(run: &mut Run<'_>) -> Result<(), Failure> {
             if run.ask_thruster(&thruster::Request::SetAbsoluteZero)?
                 != thruster::Reply::AbsoluteZeroSet
             {
-                return Err(unconfirmed(run, "it refuses"));
+                return Err(run.unconfirmed("it refuses"));
             }
             let after = position(run)?;
             run.report("zero", &before, Some(&after), &[])
@@ -75,12 +74,8 @@ fn position(run: &mut Run<'_>) -> Result<Values, Failure> {
             let degrees = position.0 as f32 / 10.0;
             Ok(one("angle_deg", Number::Real(degrees)))
         }
-        _ => Err(unconfirmed(run, "it tells no position: it may have no encoder")),
+        _ => Err(run.unconfirmed("it tells no position: it may have no encoder")),
     }
-}
-
-fn unconfirmed(run: &Run<'_>, why: &str) -> Failure {
-    failed("NotConfirmed", format!("{}: {why}", run.motor.name()))
 }
 
 /// The motor's own timeout, which no RMD and no thruster tells.
@@ -120,7 +115,7 @@ pub fn timeout(run: &mut Run<'_>, timeout_ms: Option<u32>) -> Result<(), Failure
 fn register(run: &mut Run<'_>, register: Register) -> Result<Number, Failure> {
     match run.ask_d5(&d5::Request::Read { register, width: Width::Byte })? {
         d5::Reply::Read { value: d5::Value::Byte(byte), .. } => Ok(Number::Integer(byte.into())),
-        _ => Err(unconfirmed(run, "it does not tell the register")),
+        _ => Err(run.unconfirmed("it does not tell the register")),
     }
 }
 
@@ -157,7 +152,7 @@ pub fn brake(run: &mut Run<'_>, action: Option<BrakeAction>) -> Result<(), Failu
     }
     let why = "it has echoed the command, and its status does not say so: it may have no brake, or \
         show it only while it turns";
-    Err(unconfirmed(run, why))
+    Err(run.unconfirmed(why))
 }
 
 fn brake_released(run: &mut Run<'_>) -> Result<Values, Failure> {
@@ -165,7 +160,7 @@ fn brake_released(run: &mut Run<'_>) -> Result<Values, Failure> {
         Reply::Status1 { brake_released, .. } => {
             Ok(one("brake_released", Number::Integer(brake_released.into())))
         }
-        _ => Err(unconfirmed(run, "it does not tell its status")),
+        _ => Err(run.unconfirmed("it does not tell its status")),
     }
 }
 
@@ -184,7 +179,7 @@ pub fn reset(run: &mut Run<'_>) -> Result<(), Failure> {
             let before = time(run)?;
             run.switch_off()?;
             if !run.restart()? {
-                return Err(unconfirmed(run, "it is not back after its restart"));
+                return Err(run.unconfirmed("it is not back after its restart"));
             }
             let after = time(run)?;
             run.report("reset", &before, Some(&after), &[])
@@ -216,7 +211,7 @@ fn d5_reset(run: &mut Run<'_>) -> Result<(), Failure> {
     let is_there = |node: u8| scanned.motors.iter().any(|motor| motor.node == node);
     if !is_there(factory) || old != factory && is_there(old) {
         answered?;
-        return Err(unconfirmed(run, "it does not show itself under the factory id"));
+        return Err(run.unconfirmed("it does not show itself under the factory id"));
     }
     let mut notes = vec![format!("its id is {factory}")];
     notes.extend(run.follow(AxisParameter::Node, Value::Unsigned(factory.into())));
@@ -254,7 +249,7 @@ pub fn clear_faults(run: &mut Run<'_>) -> Result<(), Failure> {
     run.report("clear_faults", &before, Some(&after), &[])?;
     match after.get("faults") {
         Some(Number::Integer(0)) => Ok(()),
-        _ => Err(unconfirmed(run, "faults are left: their cause remains, or they are not latched")),
+        _ => Err(run.unconfirmed("faults are left: their cause remains, or they are not latched")),
     }
 }
 
@@ -264,7 +259,7 @@ fn faults(run: &mut Run<'_>) -> Result<Values, Failure> {
     } else {
         match run.ask_thruster(&thruster::Request::ReadFaults)? {
             thruster::Reply::Faults { faults } => Number::Integer(faults.bits().into()),
-            _ => return Err(unconfirmed(run, "it does not tell its faults")),
+            _ => return Err(run.unconfirmed("it does not tell its faults")),
         }
     };
     Ok(one("faults", word))
@@ -284,7 +279,7 @@ pub fn function(run: &mut Run<'_>, name: FunctionName, state: OnOff) -> Result<(
     run.agree(&format!("switches the function {} in its memory{more}", on_off(enabled)))?;
     run.switch_off()?;
     if run.ask_rmd(&Request::Function { function })? != (Reply::Function { function }) {
-        return Err(unconfirmed(run, "it does not echo the function"));
+        return Err(run.unconfirmed("it does not echo the function"));
     }
     echoed(run, "function")
 }
@@ -355,7 +350,7 @@ fn thruster_setting(
         run.agree(&format!("changes its {what}, which it keeps"))?;
     }
     if run.ask_thruster(&request)? != wanted {
-        return Err(unconfirmed(run, "it does not repeat the command"));
+        return Err(run.unconfirmed("it does not repeat the command"));
     }
     let echo = "the motor has repeated the command; nothing reads it back".to_owned();
     let notes: Vec<String> = std::iter::once(echo).chain(notes.iter().cloned()).collect();

@@ -259,12 +259,6 @@ pub fn change(
     if missed.is_empty() {
         return Ok(());
     }
-    Err(failed(
-        "NotConfirmed",
-        format!(
-            "{}: written, and the motor does not say so: {}",
-            run.motor.name(),
-            missed.join(", ")
-        ),
-    ))
+    let missed = missed.join(", ");
+    Err(run.unconfirmed(&format!("written, and the motor does not say so: {missed}")))
 }

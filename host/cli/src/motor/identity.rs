@@ -142,7 +142,7 @@ fn conclude(run: &mut Run<'_>, old: u8, new: u8, seen: Seen) -> Result<u8, Failu
             back(run, new)
         ),
     };
-    Err(failed("NotConfirmed", format!("{}: {text}", run.motor.name())))
+    Err(run.unconfirmed(&text))
 }
 
 /// Who answers now.
@@ -289,8 +289,7 @@ fn thruster_id(run: &mut Run<'_>, old: u8, new: u8) -> Result<u8, Failure> {
     let request = thruster::Request::SetId { id: new.into() };
     let reply = run.ask_thruster(&request)?;
     if reply != (thruster::Reply::Id { id: new.into() }) {
-        let text = format!("{}: it does not repeat the id {new}", run.motor.name());
-        return Err(failed("NotConfirmed", text));
+        return Err(run.unconfirmed(&format!("it does not repeat the id {new}")));
     }
     let mut notes = vec![format!(
         "it has taken the id {new}, and has it once it is switched off and on; then `mgw motor {} \
@@ -358,8 +357,7 @@ pub fn bitrate(run: &mut Run<'_>, new: Option<u32>) -> Result<(), Failure> {
             run.agree(&question)?;
             let reply = run.ask_thruster(&thruster::Request::SetBitrate { bitrate })?;
             if reply != (thruster::Reply::Bitrate { bitrate }) {
-                let text = format!("{}: it does not repeat the bitrate", run.motor.name());
-                return Err(failed("NotConfirmed", text));
+                return Err(run.unconfirmed("it does not repeat the bitrate"));
             }
             "it has taken it"
         }

@@ -159,6 +159,11 @@ fn lacks(motor: &Motor, what: &str, instead: &str) -> Failure {
 }
 
 impl Run<'_> {
+    /// The motor does not show that it has obeyed.
+    fn unconfirmed(&self, why: &str) -> Failure {
+        failed("NotConfirmed", format!("{}: {why}", self.motor.name()))
+    }
+
     /// Has the motor carry out a command of its manual, and returns its reply.
     fn ask(&mut self, data: &[u8]) -> Result<Bytes<8>, Failure> {
         let Motor { axis, protocol, node, kind, .. } = self.motor;
@@ -210,8 +215,7 @@ impl Run<'_> {
     }
 
     fn unread(&self, data: &[u8]) -> Failure {
-        let bytes = crate::words::hex(data);
-        failed("NotConfirmed", format!("{}: no answer to {bytes}", self.motor.name()))
+        self.unconfirmed(&format!("no answer to {}", crate::words::hex(data)))
     }
 
     /// Asks the user whether to do it, unless that is said already.
