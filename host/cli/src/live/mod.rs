@@ -110,11 +110,6 @@ impl Live {
         }
     }
 
-    /// How the gateway itself is.
-    pub fn status(&mut self, status: GatewayReport) {
-        self.status = Some(status);
-    }
-
     /// How a bus is.
     pub fn bus(&mut self, number: u8, report: BusReport, now: Duration) {
         if let Some(bus) = self.buses.iter_mut().find(|bus| bus.number == number) {
@@ -131,14 +126,9 @@ impl Live {
         self.log.incidents(incidents, &self.motors);
     }
 
-    /// So many samples or events more have got lost.
-    pub fn count_lost(&mut self, count: u64) {
-        self.lost += count;
-    }
-
     /// A sample or another event.
     pub fn event(&mut self, message: &EventMessage, now: Duration) {
-        self.count_lost(u64::from(message.dropped));
+        self.lost += u64::from(message.dropped);
         let of = match message.event {
             Event::Sample { axis, .. }
             | Event::Tripped { axis, .. }

@@ -75,7 +75,7 @@ fn live() -> Live {
     ]);
     live.name = Some("rig".to_owned());
     live.axes[0].name = Some("left-shoulder".to_owned());
-    live.status(GatewayReport {
+    live.status = Some(GatewayReport {
         time_us: 3_000_000,
         starts: 1,
         holder: Some(2),

@@ -168,7 +168,7 @@ impl Watching {
         }
         self.live.tick(client.now());
         let on_the_way = self.lost_on_the_way();
-        self.live.count_lost(on_the_way.saturating_sub(self.lost_on_the_way));
+        self.live.lost += on_the_way.saturating_sub(self.lost_on_the_way);
         self.lost_on_the_way = on_the_way;
         Ok(())
     }
@@ -195,7 +195,7 @@ impl Watching {
             client.subscribe(&numbers, states::ALL, self.period)?;
             self.subscribed = numbers;
         }
-        self.live.status(client.gateway_status()?);
+        self.live.status = Some(client.gateway_status()?);
         for bus in (0..).take(self.live.buses.len()) {
             let report = client.bus_status(bus)?;
             self.live.bus(bus, report, client.now());
