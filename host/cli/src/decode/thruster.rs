@@ -160,34 +160,16 @@ impl Device {
 pub fn write<W: Write>(message: Result<Message, DecodeError>, record: &mut Record<W>) {
     match message {
         Ok(Message::Request(node, request)) => {
-            put_message!(
-                record,
-                Request,
-                Motor::Node(node.get()),
-                request,
-                request.info().is_some(),
-                &[]
-            );
+            let (motor, is_known) = (Motor::Node(node.get()), request.info().is_some());
+            put_message!(record, Request, motor, request, is_known, &[]);
         }
         Ok(Message::Reply(node, reply)) => {
-            put_message!(
-                record,
-                Reply,
-                Motor::Node(node.get()),
-                reply,
-                reply.info().is_some(),
-                &[]
-            );
+            let (motor, is_known) = (Motor::Node(node.get()), reply.info().is_some());
+            put_message!(record, Reply, motor, reply, is_known, &[]);
         }
         Ok(Message::Event(node, reply)) => {
-            put_message!(
-                record,
-                Event,
-                Motor::Node(node.get()),
-                reply,
-                reply.info().is_some(),
-                &[]
-            );
+            let (motor, is_known) = (Motor::Node(node.get()), reply.info().is_some());
+            put_message!(record, Event, motor, reply, is_known, &[]);
         }
         Ok(Message::Headerless(node, values)) => {
             record.message(Direction::Reply, NAME, &Motor::Node(node.get()), Headerless::NAME);

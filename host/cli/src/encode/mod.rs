@@ -4,12 +4,13 @@ mod by_name;
 mod list;
 mod wanted;
 
-use embedded_can::{ExtendedId, Frame, Id, StandardId};
-use host_protocol::{CanFrame, Protocol};
-use serde_json::{Value, json};
+use embedded_can::{ExtendedId, Id, StandardId};
+use host_protocol::{CanFrame, Protocol, RawFrame};
+use serde_json::{Value, json as object};
 
 use crate::args::{BusKind, CodecChoice, EncodeArgs};
 use crate::failure::Failure;
+use crate::json;
 use crate::output::Output;
 use crate::words;
 use by_name::{D5, RMD, THRUSTER, refused};
@@ -35,11 +36,11 @@ pub fn frame(wanted: &Wanted) -> Result<(String, Value), Failure> {
         CodecChoice::D5 => d5_frame(wanted),
     }?;
     let node = match wanted.to {
-        Some(To::Node(node)) => json!(node),
-        Some(To::All) => json!("all"),
+        Some(To::Node(node)) => object!(node),
+        Some(To::All) => object!("all"),
         None => Value::Null,
     };
-    let object = json!({ "frame": frame, "protocol": name(wanted.protocol), "node": node, "command": wanted.command()? });
+    let object = object!({ "frame": frame, "protocol": name(wanted.protocol), "node": node, "command": wanted.command()? });
     Ok((frame, object))
 }
 
@@ -181,11 +182,7 @@ fn d5_frame(wanted: &Wanted) -> Result<String, Failure> {
 }
 
 fn can_text(frame: CanFrame) -> String {
-    let id = match Frame::id(&frame) {
-        Id::Standard(id) => format!("{:03X}", id.as_raw()),
-        Id::Extended(id) => format!("{:08X}", id.as_raw()),
-    };
-    format!("{id}#{}", words::hex(frame.data()))
+    json::frame(&RawFrame::Can(frame))
 }
 
 /// Up to 3 digits for a standard id, more for an extended one.
