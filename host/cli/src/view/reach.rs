@@ -9,19 +9,19 @@ use crate::failure::Failure;
 /// Where the server listens, and the token that it wants.
 #[derive(Debug, Clone)]
 pub struct Reach {
-    address: SocketAddr,
+    address: String,
     token: Option<String>,
 }
 
 impl Reach {
     /// A server of this process that listens there.
-    pub fn new(address: SocketAddr, token: Option<String>) -> Self {
-        let ip = match address.ip() {
-            ip if !ip.is_unspecified() => ip,
-            IpAddr::V4(_) => IpAddr::V4(Ipv4Addr::LOCALHOST),
-            IpAddr::V6(_) => IpAddr::V6(Ipv6Addr::LOCALHOST),
-        };
-        Self { address: SocketAddr::new(ip, address.port()), token }
+    pub fn new(mut address: SocketAddr, token: Option<String>) -> Self {
+        match address.ip() {
+            IpAddr::V4(Ipv4Addr::UNSPECIFIED) => address.set_ip(Ipv4Addr::LOCALHOST.into()),
+            IpAddr::V6(Ipv6Addr::UNSPECIFIED) => address.set_ip(Ipv6Addr::LOCALHOST.into()),
+            _ => {}
+        }
+        Self { address: address.to_string(), token }
     }
 
     /// A connection of its own.
@@ -29,9 +29,7 @@ impl Reach {
     /// # Errors
     /// The server takes none.
     pub fn open(&self) -> Result<Box<dyn Transport>, Failure> {
-        let address = self.address.to_string();
-        let opened = TcpTransport::connect_showing(&address, self.token.clone());
-        let transport = opened.map_err(ClientError::Transport)?;
-        Ok(Box::new(transport))
+        let opened = TcpTransport::connect_showing(&self.address, self.token.clone());
+        Ok(Box::new(opened.map_err(ClientError::Transport)?))
     }
 }
