@@ -4,9 +4,10 @@ use host_protocol::{
     AxisParameter, GatewayParameter, ParameterInfo, ParameterText, Protocol, REPLY_WINDOW_US,
     StopAction, Value, ValueKind,
 };
-use serde_json::{Map, Value as Json, json};
+use serde_json::{Value as Json, json};
 
 use super::{DEFAULT_REPLY_WINDOW_US, MOTOR_TIMEOUT, NAME};
+use crate::json::extend;
 use crate::output::number;
 
 /// The schema.
@@ -18,57 +19,39 @@ pub fn schema() -> Json {
             "not": { "enum": ["all", "gateway"] },
             "description": format!("Name of the {of}, for use instead of its number.") })
     };
-    let gateway = GatewayParameter::ALL.iter().map(|parameter| {
-        (parameter.text().name.to_owned(), key(parameter.info(), parameter.text()))
-    });
-    let gateway_name = (NAME.to_owned(), name("gateway"));
-    let bus = [
-        (
-            "bus",
-            json!({ "type": "integer", "minimum": 0, "maximum": 7,
-            "description": "Number of the bus." }),
-        ),
-        (NAME, name("bus")),
-        ("bitrate", json!({ "type": "integer", "minimum": 1, "description": "bit/s." })),
-        (
-            "protocols",
-            json!({ "type": "array", "minItems": 1, "items": { "enum": protocols },
-            "description": "What the motors on it speak." }),
-        ),
-        (
-            "exclusive",
-            json!({ "type": "boolean", "default": false,
-            "description": "Every node on it belongs to this gateway." }),
-        ),
-        (
-            "reply_window_us",
-            json!({ "type": "integer", "minimum": min, "maximum": max,
-            "default": DEFAULT_REPLY_WINDOW_US, "description": "How long a reply is awaited, µs." }),
-        ),
-    ];
-    let mut axis: Map<String, Json> = AxisParameter::ALL
+    let mut gateway: Json = GatewayParameter::ALL
         .iter()
-        .map(|parameter| {
-            (parameter.text().name.to_owned(), key(parameter.info(), parameter.text()))
-        })
+        .map(|parameter| (parameter.text().name, key(parameter.info(), parameter.text())))
         .collect();
-    axis.insert(
-        "axis".to_owned(),
-        json!({ "type": "integer", "minimum": 0, "maximum": 31,
-        "description": "Number of the axis." }),
-    );
-    axis.insert(NAME.to_owned(), name("axis"));
-    axis.insert(
-        MOTOR_TIMEOUT.to_owned(),
-        json!({ "type": "integer", "minimum": 0,
-        "description": "The motor's own timeout, ms; it is written to the motor. 0 is off." }),
-    );
+    extend(&mut gateway, json!({ (NAME): name("gateway") }));
+    let bus = json!({
+        "bus": { "type": "integer", "minimum": 0, "maximum": 7,
+            "description": "Number of the bus." },
+        (NAME): name("bus"),
+        "bitrate": { "type": "integer", "minimum": 1, "description": "bit/s." },
+        "protocols": { "type": "array", "minItems": 1, "items": { "enum": protocols },
+            "description": "What the motors on it speak." },
+        "exclusive": { "type": "boolean", "default": false,
+            "description": "Every node on it belongs to this gateway." },
+        "reply_window_us": { "type": "integer", "minimum": min, "maximum": max,
+            "default": DEFAULT_REPLY_WINDOW_US, "description": "How long a reply is awaited, µs." },
+    });
+    let mut axis: Json = AxisParameter::ALL
+        .iter()
+        .map(|parameter| (parameter.text().name, key(parameter.info(), parameter.text())))
+        .collect();
+    let more = json!({
+        "axis": { "type": "integer", "minimum": 0, "maximum": 31,
+            "description": "Number of the axis." },
+        (NAME): name("axis"),
+        (MOTOR_TIMEOUT): { "type": "integer", "minimum": 0,
+            "description": "The motor's own timeout, ms; it is written to the motor. 0 is off." },
+    });
+    extend(&mut axis, more);
     let required = AxisParameter::ALL.iter().filter(|parameter| parameter.info().required);
     let required: Vec<&str> =
         ["axis"].into_iter().chain(required.map(|parameter| parameter.text().name)).collect();
-    let bus: Map<String, Json> =
-        bus.into_iter().map(|(name, key)| (name.to_owned(), key)).collect();
-    let section = |keys: Map<String, Json>, required: &[&str]| {
+    let section = |keys: Json, required: &[&str]| {
         json!({ "type": "object", "additionalProperties": false, "required": required,
             "properties": keys })
     };
@@ -78,7 +61,7 @@ pub fn schema() -> Json {
         "type": "object",
         "additionalProperties": false,
         "properties": {
-            "gateway": section(gateway.chain([gateway_name]).collect(), &[]),
+            "gateway": section(gateway, &[]),
             "bus": { "type": "array", "items": section(bus, &["bus", "bitrate", "protocols"]) },
             "axis": { "type": "array", "items": section(axis, &required) },
         },
