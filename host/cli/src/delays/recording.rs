@@ -2,6 +2,7 @@
 //! the gateway's time.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, UNIX_EPOCH};
 
 use serde_json::Value;
 
@@ -117,26 +118,10 @@ impl Reading {
     }
 }
 
-/// The day of a time since 1970 (UTC), by the rules of the Gregorian calendar.
+/// The day of a time since 1970 (UTC).
 pub fn day(since_1970_ns: u64) -> String {
-    const DAY_NS: u64 = 86_400 * 1_000_000_000;
-    let mut days = since_1970_ns / DAY_NS;
-    let is_leap =
-        |year: u64| year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
-    let mut year = 1970;
-    while days >= 365 + u64::from(is_leap(year)) {
-        days -= 365 + u64::from(is_leap(year));
-        year += 1;
-    }
-    let february = 28 + u64::from(is_leap(year));
-    let lengths = [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
-    let mut month = 1;
-    for length in lengths {
-        if days < length {
-            break;
-        }
-        days -= length;
-        month += 1;
-    }
-    format!("{year:04}-{month:02}-{:02}", days + 1)
+    let time = UNIX_EPOCH + Duration::from_nanos(since_1970_ns);
+    let mut day = humantime::format_rfc3339_seconds(time).to_string();
+    day.truncate("2026-11-24".len());
+    day
 }
