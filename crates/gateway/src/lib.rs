@@ -28,6 +28,7 @@ mod time;
 mod tracked;
 mod transaction;
 
+pub use axis::PERIOD_US;
 pub use bus::{Assumptions, AxisPlan, BusPlan, bits_at};
 pub use bus_rules::check_bus_config;
 pub use gateway::{

@@ -348,17 +348,25 @@ impl CycleReport {
     }
 }
 
-/// Bytes of a [`Cycle`](crate::requests::Cycle) of velocities for these axes on the wire, bit 0
-/// being axis 0, and of its report at most, each with its framing. Of more axes than a cycle can
+/// Bytes of a [`Cycle`](crate::requests::Cycle) on the wire, of velocities for these axes, bit 0
+/// being axis 0, and of impedance setpoints for those among them, and of its report at most, each with its framing. Of more axes than a cycle can
 /// have: as of as many as it can.
-pub fn cycle_frame_bytes(axes: u32, fields: StateFields) -> (usize, usize) {
-    let setpoint = Setpoint::Velocity { velocity_rad_s: 0.0 };
+pub fn cycle_frame_bytes(axes: u32, impedance: u32, fields: StateFields) -> (usize, usize) {
+    let velocity = Setpoint::Velocity { velocity_rad_s: 0.0 };
+    let stiff = Setpoint::Impedance {
+        position_rad: 0.0,
+        velocity_rad_s: 0.0,
+        stiffness_nm_per_rad: 0.0,
+        damping_nm_s_per_rad: 0.0,
+        torque_nm: 0.0,
+    };
     let (epoch, expires_at_us) = (FixedU32(u32::MAX), FixedU32(u32::MAX));
     let mut report =
         CycleReport { time_us: FixedU32(u32::MAX), fields, axes: 0, states: Bytes::new() };
     let mut setpoints = crate::Vec::new();
     for state in longest_states(axes) {
-        let _ = setpoints.push(setpoint);
+        let is_stiff = impedance >> state.axis & 1 != 0;
+        let _ = setpoints.push(if is_stiff { stiff } else { velocity });
         report.push(state);
     }
     let cycle =
@@ -491,14 +499,16 @@ mod tests {
         let length = reply.encode_frame(u16::MAX, &mut out).unwrap();
         assert!(length <= 128, "{length}");
         // A speed above 1048 rad/s, or none, takes a byte more.
-        assert_eq!(cycle_frame_bytes(0xFF, fields), (64, 132));
+        assert_eq!(cycle_frame_bytes(0xFF, 0, fields), (64, 132));
+        // 16 bytes more than a velocity, each.
+        assert_eq!(cycle_frame_bytes(0xFF, 0b101, fields).0, 64 + 2 * 16);
     }
 
     #[test]
     fn the_bytes_of_every_cycle_fit_a_message() {
         let all = StateFields::of(StateField::ALL);
         for axes in [0x1_u32, 0xFFFF, u32::MAX] {
-            let (out, back) = cycle_frame_bytes(axes, all);
+            let (out, back) = cycle_frame_bytes(axes, 0, all);
             assert!((20..=MAX_FRAME).contains(&out) && (20..=MAX_FRAME).contains(&back));
         }
     }

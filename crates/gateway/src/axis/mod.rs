@@ -26,7 +26,8 @@ mod version;
 
 pub(crate) use job::{Job, JobKind};
 pub(crate) use look::{Is, Look};
-pub(crate) use part::{PERIOD_US, Waits};
+pub use part::PERIOD_US;
+pub(crate) use part::Waits;
 pub(crate) use polls::{Priority, Request};
 pub(crate) use restart::Restart;
 pub(crate) use setpoint::{NativeMotion, Permit};

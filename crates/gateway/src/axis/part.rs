@@ -216,5 +216,5 @@ fn is_older(number: u32, other: u32) -> bool {
     number.wrapping_sub(other) > u32::MAX / 2
 }
 
-/// Shortest and longest period.
-pub(crate) const PERIOD_US: (u32, u32) = (250, 20_000);
+/// Shortest and longest period of a free-running cycle, µs (PROTOCOL.md, `RunCycle`).
+pub const PERIOD_US: (u32, u32) = (250, 20_000);

@@ -66,6 +66,12 @@ impl Bounds {
     }
 }
 
+/// What is left of a bus's time beside such a part of it, permille. More than the load of a bus may
+/// be is refused when it is configured.
+pub(super) fn left_of(taken_permille: u64) -> NonZeroU64 {
+    NonZeroU64::new(1_000 - taken_permille.min(999)).unwrap_or(NonZeroU64::MIN)
+}
+
 impl Bus {
     /// Within what time the last of `stops` stops that began together has left, if nobody else
     /// talks.
@@ -105,9 +111,7 @@ impl Bus {
         if streamed_at_once == 0 {
             return alone;
         }
-        // More than the load of a bus may be is refused when it is configured.
-        let left = NonZeroU64::new(1_000 - streamed_permille.min(999)).unwrap_or(NonZeroU64::MIN);
-        (alone + self.frame_time(streamed_at_once)).times(1_000).part(left)
+        (alone + self.frame_time(streamed_at_once)).times(1_000).part(left_of(streamed_permille))
     }
 
     /// Works out what the axes here have the bus carry, and how long others wait for it.

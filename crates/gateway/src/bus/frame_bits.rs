@@ -24,7 +24,7 @@ const TRAILER_BITS: u64 = 1 + 2 + 7 + 3;
 /// The longest data frame on a bus without extended ids, bits.
 pub(super) const STANDARD_FRAME_BITS: u64 = longest(STANDARD_HEADER_BITS);
 /// The longest data frame on a bus with extended ids, bits.
-const EXTENDED_FRAME_BITS: u64 = longest(EXTENDED_HEADER_BITS);
+pub(super) const EXTENDED_FRAME_BITS: u64 = longest(EXTENDED_HEADER_BITS);
 
 const _: () = assert!(STANDARD_FRAME_BITS == 135 && EXTENDED_FRAME_BITS == 160);
 

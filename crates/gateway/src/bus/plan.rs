@@ -1,7 +1,8 @@
 //! How often the axes of a bus can be given setpoints together, and what else the bus promises:
 //! worked out from its configuration alone, by the functions that the bus itself goes by.
 
-use super::frame_bits::{STANDARD_FRAME_BITS, frame_bits};
+use super::bounds::left_of;
+use super::frame_bits::{EXTENDED_FRAME_BITS, STANDARD_FRAME_BITS, frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits};
 use super::load::{
     REPLY_BYTES, objections, polled_permille, replies_to_motion, share, shortest_period,
@@ -17,7 +18,7 @@ use crate::set::Set;
 use crate::time::Duration;
 use core::num::NonZeroU64;
 use heapless::Vec;
-use host_protocol::{BusKind, Setpoint, StateFields};
+use host_protocol::{AxisParameter, BusKind, Setpoint, StateFields};
 
 /// Setpoints that tell the fixed bytes of a command from its value: of one step up and one down all
 /// bits of a value in two's complement differ.
@@ -26,6 +27,15 @@ const STEPS: [[Setpoint; 2]; 3] = [
     [Setpoint::Signal { fraction: 0.01 }, Setpoint::Signal { fraction: -0.01 }],
     [Setpoint::Current { current_a: 0.02 }, Setpoint::Current { current_a: -0.02 }],
 ];
+
+/// An impedance setpoint.
+const STIFF: Setpoint = Setpoint::Impedance {
+    position_rad: 0.0,
+    velocity_rad_s: 0.0,
+    stiffness_nm_per_rad: 0.0,
+    damping_nm_s_per_rad: 0.0,
+    torque_nm: 0.0,
+};
 
 /// What a plan takes for granted of what no configuration says.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -112,15 +122,18 @@ pub struct AxisPlan {
     pub reads: u64,
     /// How long its motor takes to begin its reply.
     pub reply_delay: Duration,
+    /// How long a setpoint of it lives at most; `None` where it is configured without expiry.
+    pub life: Option<Duration>,
     /// From the first bit of the cycle to the last bit of its reply, on a bus to itself.
     pub answered: Duration,
     /// From the last bit of a request to that of its reply, at most, while all that `steady` has
     /// room for goes first: the reply window of the bus must be as long.
     pub reply_within: Duration,
-    /// Within what time its stop has left, after its cause, where it alone stops.
-    pub stop_alone: Duration,
+    /// Within what time its stop has left, after its cause, where it alone stops; `None` where
+    /// others leave the bus no time for it.
+    pub stop_alone: Option<Duration>,
     /// And where every axis of the bus stops with it.
-    pub stop_together: Duration,
+    pub stop_together: Option<Duration>,
 }
 
 /// A request and what answers it.
@@ -174,18 +187,32 @@ impl Bus {
         let mut plans: Vec<AxisPlan, MAX_AXES> = Vec::new();
         let mut parts: Vec<Part, MAX_AXES> = Vec::new();
         let mut refreshes: Vec<(Duration, u64), MAX_AXES> = Vec::new();
-        let foreign = self.frame_time(u64::from(assumed.foreign_frames_s));
+        // Nobody says that their ids are short.
+        let foreign_frame = self.bit_time(EXTENDED_FRAME_BITS);
+        let foreign = foreign_frame.times(assumed.foreign_frames_s.into());
         let foreign_permille = share(foreign, Duration::from_millis(1_000));
         let (mut polls_permille, mut longest_wait_permille, mut streams_permille) = (0, 0, 0);
         let bounds = self.bounds.beside_foreign(foreign_permille);
         let all = self.here(axes).len().into();
+        let beyond_ours = match foreign_permille {
+            0 => Duration::ZERO,
+            _ => foreign_frame - self.frame_time(1),
+        };
+        let is_left = bounds.streamed_permille < 1_000;
+        let stop = |stops| {
+            is_left.then(|| {
+                self.bound_beside(&bounds, stops, axes)
+                    + beyond_ours.times(1_000).part(left_of(bounds.streamed_permille))
+            })
+        };
         for axis in here() {
             let delay = assumed.reply_delay.get(usize::from(axis.index));
             let delay = delay.copied().unwrap_or(Assumptions::REPLY_DELAY);
-            let (request_bits, reply_bits) = self.motion_bits(axis);
+            let is_stiff = assumed.impedance.has(axis.index);
+            let (request_bits, reply_bits) = self.motion_bits(axis, is_stiff);
             let poll_bits = self.poll_bits(axis).max(request_bits);
             let replies = replies_to_motion(axis);
-            let is_told = tells_speed(axis) && !assumed.impedance.has(axis.index);
+            let is_told = tells_speed(axis) && !is_stiff;
             let reads = axis.period_reads(assumed.fields, is_told).count() as u64;
             let objections = objections(axis, self.axes_here(axes));
             let frame = self.frame_time(1);
@@ -222,10 +249,12 @@ impl Bus {
                 replies,
                 reads,
                 reply_delay: delay,
+                life: (!axis.config.flag(AxisParameter::UnsafeInfiniteTtl))
+                    .then(|| axis.config.ttl()),
                 answered: Duration::ZERO,
                 reply_within: Duration::ZERO,
-                stop_alone: self.bound_beside(&bounds, 1, axes),
-                stop_together: self.bound_beside(&bounds, all, axes),
+                stop_alone: stop(1),
+                stop_together: stop(all),
             });
         }
         let in_turn = self.kind() == BusKind::Rs485
@@ -290,8 +319,9 @@ impl Bus {
         })
     }
 
-    /// Bits of an axis's setpoint and of a reply, at most.
-    fn motion_bits(&self, axis: &Axis) -> (u64, u64) {
+    /// Bits of an axis's setpoint and of a reply, at most; of an impedance setpoint any bit of the
+    /// data is unknown.
+    fn motion_bits(&self, axis: &Axis, is_stiff: bool) -> (u64, u64) {
         if self.kind() == BusKind::Rs485 {
             let bits = serial_frame_bits(self.line.serial());
             return (bits, bits);
@@ -300,6 +330,10 @@ impl Bus {
             let command = protocol::motion(axis.index, setpoint, &axis.config).ok()?;
             protocol::to_can(&command, &axis.config)
         };
+        if is_stiff && let Some(stiff) = frame(STIFF) {
+            let request = frame_bits(stiff.id(), stiff.data().len(), &[]);
+            return (request, self.longest_frame_bits);
+        }
         let steps = STEPS.iter().find_map(|[up, down]| Some((frame(*up)?, frame(*down)?)));
         let request =
             steps.map_or(STANDARD_FRAME_BITS.max(self.longest_frame_bits), |(up, down)| {

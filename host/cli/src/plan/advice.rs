@@ -2,7 +2,7 @@
 
 use host_protocol::{AxisParameter, BusKind, MAX_CYCLE_AXES, StateField, StateFields, Value};
 
-use super::{Plan, Premises};
+use super::{Plan, Premises, held};
 use crate::args::HostLine;
 use crate::config::Configuration;
 
@@ -11,7 +11,7 @@ const HOST_LINES: [HostLine; 4] =
     [HostLine::Baud(921_600), HostLine::Baud(2_000_000), HostLine::Baud(3_000_000), HostLine::Usb];
 /// Faster buses, bit/s.
 const CAN_BITRATES: [u32; 3] = [250_000, 500_000, 1_000_000];
-const RS485_BITRATES: [u32; 5] = [230_400, 460_800, 921_600, 2_000_000, 2_500_000];
+const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_000];
 
 /// The single changes with which the rate holds, in words.
 pub fn changes(configuration: &Configuration, premises: &Premises, rate: f64) -> Vec<String> {
@@ -45,31 +45,50 @@ pub fn changes(configuration: &Configuration, premises: &Premises, rate: f64) ->
             holds(&changed, premises)
         });
         found.extend(faster.map(|rate| format!("{rate} bit/s on bus {bus}")));
-        found.extend(fewer_axes(configuration, *bus, &|changed| holds(changed, premises)));
+        found.extend(fewer_axes(configuration, premises, *bus, &holds));
     }
     found
 }
 
-/// How many axes of a bus may stay.
+/// How many axes of a bus may stay, if the others go to one that has none, or without the others.
 fn fewer_axes(
     configuration: &Configuration,
+    premises: &Premises,
     bus: u8,
-    holds: &dyn Fn(&Configuration) -> bool,
+    holds: &dyn Fn(&Configuration, &Premises) -> bool,
 ) -> Option<String> {
     let is_here = |values: &std::collections::BTreeMap<AxisParameter, Value>| {
         values.get(&AxisParameter::Bus) == Some(&Value::Unsigned(bus.into()))
     };
     let here = configuration.axes.iter().filter(|(_, values)| is_here(values));
     let here: Vec<u8> = here.map(|(axis, _)| *axis).collect();
-    (0..here.len()).rev().find_map(|left| {
+    let all = here.len();
+    let free =
+        (0..).zip(premises.kinds).find(|(other, _)| !configuration.buses.contains_key(other));
+    let moved = free.and_then(|(other, _)| {
+        let mut premises = premises.clone();
+        *premises.kinds.get_mut(usize::from(other))? = *premises.kinds.get(usize::from(bus))?;
+        (1..all).rev().find(|left| {
+            let mut changed = configuration.clone();
+            let same = changed.buses.get(&bus).cloned();
+            changed.buses.extend(same.map(|config| (other, config)));
+            for axis in &here[*left..] {
+                let values = changed.axes.entry(*axis).or_default();
+                values.insert(AxisParameter::Bus, Value::Unsigned(other.into()));
+            }
+            holds(&changed, &premises)
+        })
+    });
+    if let Some(left) = moved {
+        return Some(format!(
+            "{left} instead of {all} axes on bus {bus}, the others on another bus"
+        ));
+    }
+    (1..all).rev().find_map(|left| {
         let mut changed = configuration.clone();
         changed.axes.retain(|axis, _| !here[left..].contains(axis));
-        (!changed.axes.is_empty() && holds(&changed)).then(|| {
-            format!(
-                "at most {left} instead of {} axes on bus {bus}, the others on another bus",
-                here.len()
-            )
-        })
+        holds(&changed, premises)
+            .then(|| format!("{left} instead of {all} axes on bus {bus}, without the others"))
     })
 }
 
@@ -84,12 +103,22 @@ fn is_faster(line: HostLine, than: HostLine) -> bool {
 /// Why a rate does not hold, and what would make it.
 pub fn refusal(plan: &Plan, premises: &Premises, wanted: f64, changes: &[String]) -> String {
     let rate = plan.wanted_rate(premises);
-    let reached = rate.map_or("a bus has no time left for cycles".to_owned(), |rate| {
-        format!("{rate:.1} Hz can be reached")
-    });
+    let none = match premises.running {
+        true => "a bus has no time left, or needs a longer period than a gateway takes",
+        false => "a bus has no time left for cycles",
+    };
+    let reached =
+        rate.map_or(none.to_owned(), |rate| format!("{:.1} Hz can be reached", held(rate)));
+    let slowest = plan.slowest_rate(premises);
     let reached = match plan.axes() {
         axes if axes > MAX_CYCLE_AXES => {
             format!("one cycle has at most {MAX_CYCLE_AXES} axes, and these are {axes}")
+        }
+        _ if wanted < slowest && premises.running => {
+            format!("the gateway takes no RunCycle of less than {slowest} Hz")
+        }
+        _ if wanted < slowest => {
+            format!("a setpoint expires before the next below {slowest:.1} Hz: ttl_us")
         }
         _ => reached,
     };

@@ -7,7 +7,7 @@ mod print;
 
 use std::time::Duration;
 
-use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, Set};
+use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, PERIOD_US, Set};
 use host_protocol::{
     AxisParameter, BusKind, MAX_CYCLE_AXES, Protocol, StateFields, Value, cycle_event_bytes,
     cycle_frame_bytes,
@@ -57,10 +57,13 @@ pub struct Plan {
     /// bus has no time left.
     pub round: Option<Duration>,
     /// The period that `RunCycle` holds: that of the slowest bus, or of the host's line; nothing
-    /// where a bus has no time left.
+    /// where a bus has no time left or the gateway takes no period as long.
     pub running: Option<Duration>,
     /// The same, for the longest single one.
     pub longest: Option<Duration>,
+    /// How long the setpoint of an axis lives at most that lives the shortest; nothing where all are
+    /// configured without expiry.
+    pub shortest_life: Option<Duration>,
 }
 
 impl Plan {
@@ -77,8 +80,9 @@ impl Plan {
             buses.extend(plan.map(|plan| (bus, plan)));
         }
         let axes = buses.iter().flat_map(|(_, plan)| &plan.axes);
+        let lives = axes.clone().filter_map(|axis| axis.life).map(std_time);
         let mask = axes.fold(Set::NONE, |mask, axis| mask.with(Set::of(axis.axis))).bits();
-        let bytes = cycle_frame_bytes(mask, premises.fields);
+        let bytes = cycle_frame_bytes(mask, premises.assumed.impedance.bits(), premises.fields);
         let line = (premises.host.time(bytes.0), premises.host.time(bytes.1));
         let event = cycle_event_bytes(mask, premises.fields);
         let event = (event, premises.host.time(event));
@@ -87,11 +91,16 @@ impl Plan {
             let times = buses.iter().map(|(_, plan)| of(plan)).collect::<Option<Vec<_>>>()?;
             times.into_iter().max().map(std_time)
         };
+        let [shortest, longest_allowed] =
+            [PERIOD_US.0, PERIOD_US.1].map(|us| Duration::from_micros(us.into()));
         let round = |bus| line.0 + software + bus + software + line.1;
         Self {
             round: slowest(|plan| plan.repeat).map(round),
-            running: slowest(|plan| plan.period).map(|bus| bus.max(event.1)),
+            running: slowest(|plan| plan.period)
+                .map(|bus| bus.max(event.1).max(shortest))
+                .filter(|period| *period <= longest_allowed),
             longest: slowest(|plan| plan.longest).map(round),
+            shortest_life: lives.min(),
             buses,
             bytes,
             line,
@@ -120,6 +129,17 @@ impl Plan {
     pub fn holds(&self, hertz: f64, premises: &Premises) -> bool {
         self.wanted_rate(premises).is_some_and(|rate| rate >= hertz)
             && self.axes() <= MAX_CYCLE_AXES
+            && hertz >= self.slowest_rate(premises)
+    }
+
+    /// The least rate: of `RunCycle` that of the longest period, of `Cycle` one at which no setpoint
+    /// expires before the next.
+    pub fn slowest_rate(&self, premises: &Premises) -> f64 {
+        let longest = match premises.running {
+            true => Some(Duration::from_micros(PERIOD_US.1.into())),
+            false => self.shortest_life,
+        };
+        longest.map_or(0.0, rate)
     }
 
     /// How many axes take part.
@@ -143,6 +163,11 @@ impl HostLine {
 /// How often something that takes so long can be in a second.
 pub fn rate(time: Duration) -> f64 {
     1.0 / time.as_secs_f64()
+}
+
+/// A rate in tenths of a hertz that still holds: rounded down.
+pub fn held(rate: f64) -> f64 {
+    (rate * 10.0).floor() / 10.0
 }
 
 /// A span of the core.
@@ -219,14 +244,22 @@ fn premises(
         let values = configuration.axes.get(&axis).ok_or_else(|| {
             Failure::Usage(format!("axis {axis} is named, and {path} does not have it"))
         })?;
-        if values.get(&AxisParameter::Protocol)
-            != Some(&Value::Unsigned(Protocol::Rmd.number().into()))
-        {
+        let is_rmd = values.get(&AxisParameter::Protocol)
+            == Some(&Value::Unsigned(Protocol::Rmd.number().into()));
+        let bus = values.get(&AxisParameter::Bus).copied().and_then(Value::as_unsigned);
+        let kind = bus.and_then(|bus| kinds.get(usize::try_from(bus).ok()?));
+        if !is_rmd || kind != Some(&BusKind::Can) {
             let text =
                 format!("axis {axis} takes no impedance setpoints: only RMD motors on CAN do");
             return Err(Failure::Usage(text));
         }
         impedance = impedance.with(Set::of(axis));
+    }
+    let told = arguments.reply_delays.iter().filter_map(|(axis, _)| *axis);
+    let told = told.chain(arguments.models.iter().map(|(axis, _)| *axis));
+    if let Some(axis) = told.into_iter().find(|axis| !configuration.axes.contains_key(axis)) {
+        let path = &arguments.source.path;
+        return Err(Failure::Usage(format!("axis {axis} is named, and {path} does not have it")));
     }
     let mut assumed = Assumptions {
         software: gateway::Duration::from_micros(arguments.gateway_us.into()),

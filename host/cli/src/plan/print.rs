@@ -5,12 +5,12 @@ use std::time::Duration;
 use gateway::BusPlan;
 use serde_json::{Value, json};
 
-use super::{Plan, Premises, rate, std_time};
+use super::{Plan, Premises, held, rate, std_time};
 use crate::args::HostLine;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::table::Table;
-use crate::words::{kind, or_nothing, rounded};
+use crate::words::{kind, or_nothing};
 
 /// Prints a plan, and what would make the wanted rate hold.
 pub fn plan(
@@ -37,7 +37,7 @@ pub fn plan(
     match (plan.round, plan.longest) {
         (Some(round), Some(longest)) => out.text(format!(
             "Cycle: {:.1} Hz, a round in {} µs, the longest in {} µs",
-            rate(round),
+            held(rate(round)),
             round.as_micros(),
             longest.as_micros()
         ))?,
@@ -57,12 +57,15 @@ pub fn plan(
     match plan.running {
         Some(running) => out.text(format!(
             "RunCycle: {:.1} Hz, a period of {} µs; its event of {} bytes takes {} µs of that",
-            rate(running),
+            held(rate(running)),
             running.as_micros(),
             plan.event.0,
             plan.event.1.as_micros()
         ))?,
-        None => out.text("RunCycle: none, a bus has no time left")?,
+        None => out.text(format!(
+            "RunCycle: none: a bus has no time left, or needs a period of more than {} µs",
+            gateway::PERIOD_US.1
+        ))?,
     }
     out.text(
         "RunCycle is refused below a bus's shortest period; from its period on it holds, and only \
@@ -70,7 +73,9 @@ pub fn plan(
     )?;
     out.text(format!(
         "assumed: {} µs of the gateway's software to the bus, between requests and back; every \
-         frame as long as its unknown bits can make it; a reply delay of {} µs where * stands",
+         frame as long as its unknown bits can make it; setpoints of a velocity or signal but for \
+         --impedance; CAN where neither its bitrate nor --rs485 says RS485; a reply delay of {} µs \
+         where * stands",
         premises.assumed.software.as_micros(),
         gateway::Assumptions::REPLY_DELAY.as_micros()
     ))?;
@@ -97,8 +102,6 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
         ">foreign %",
     ]);
     for (bus, plan) in &plan.buses {
-        let or_none =
-            |time: Option<gateway::Duration>| or_nothing(time.map(|time| time.as_micros()));
         table.row([
             bus.to_string(),
             kind(premises.kinds.get(usize::from(*bus))).to_owned(),
@@ -109,7 +112,7 @@ fn buses(plan: &Plan, premises: &Premises) -> Table {
             or_none(plan.steady),
             or_none(plan.shortest),
             or_none(plan.longest),
-            or_nothing(bus_rate(plan).map(|rate| format!("{rate:.1}"))),
+            or_nothing(bus_rate(plan).map(|rate| format!("{:.1}", held(rate)))),
             percent(plan.polls_permille),
             percent(plan.streams_permille),
             percent(plan.foreign_permille),
@@ -144,11 +147,16 @@ fn axes(plan: &Plan, premises: &Premises) -> Table {
             axis.reads.to_string(),
             format!("{}{mark}", axis.reply_delay.as_micros()),
             axis.answered.as_micros().to_string(),
-            axis.stop_alone.as_micros().to_string(),
-            axis.stop_together.as_micros().to_string(),
+            or_none(axis.stop_alone),
+            or_none(axis.stop_together),
         ]);
     }
     table
+}
+
+/// Microseconds, where there are any.
+fn or_none(time: Option<gateway::Duration>) -> String {
+    or_nothing(time.map(|time| time.as_micros()))
 }
 
 /// Cycles of one bus in a second, whatever the host.
@@ -172,15 +180,15 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
                 "reply_delay_us": us(axis.reply_delay),
                 "reply_delay_stated": premises.stated_delays.has(axis.axis),
                 "answered_us": us(axis.answered), "reply_within_us": us(axis.reply_within),
-                "stop_alone_us": us(axis.stop_alone),
-                "stop_together_us": us(axis.stop_together),
+                "stop_alone_us": axis.stop_alone.map(us),
+                "stop_together_us": axis.stop_together.map(us),
             })
         });
         json!({
             "bus": bus, "kind": kind(premises.kinds.get(usize::from(*bus))),
             "wire_us": us(plan.wire), "cycle_us": us(plan.cycle), "repeat_us": plan.repeat.map(us),
             "period_us": plan.period.map(us), "steady_us": plan.steady.map(us),
-            "shortest_us": plan.shortest.map(us), "longest_us": plan.longest.map(us), "rate_hz": bus_rate(plan).map(rounded),
+            "shortest_us": plan.shortest.map(us), "longest_us": plan.longest.map(us), "rate_hz": bus_rate(plan).map(held),
             "polls_permille": plan.polls_permille, "streams_permille": plan.streams_permille,
             "foreign_permille": plan.foreign_permille, "reply_window_us": us(plan.reply_window),
             "axes": axes.collect::<Value>(),
@@ -199,7 +207,7 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
         },
         "software_us": us(premises.assumed.software),
         "round_us": plan.round.map(whole_us), "longest_us": plan.longest.map(whole_us),
-        "rate_hz": plan.rate().map(rounded),
-        "running_us": plan.running.map(whole_us), "running_hz": plan.running.map(rate).map(rounded),
+        "rate_hz": plan.rate().map(held),
+        "running_us": plan.running.map(whole_us), "running_hz": plan.running.map(rate).map(held),
     })
 }

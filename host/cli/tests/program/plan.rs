@@ -58,17 +58,17 @@ fn whatever_makes_it_harder_makes_it_slower() {
 fn a_rate_that_does_not_hold_is_refused_with_what_would_make_it_hold() {
     let refused = mgw(&["plan", EIGHT, "--rate", "350"]);
     let said = refused.failure(1);
-    assert!(said.contains("350 Hz do not hold: 272.5 Hz can be reached"), "{said}");
+    assert!(said.contains("350 Hz do not hold: 272.4 Hz can be reached"), "{said}");
     assert!(said.contains("a host line of 2000000 baud"), "{said}");
     let (code, held) = plan(&[EIGHT, "--rate", "350", "--host", "2000000"]);
     assert_eq!((code, &held["holds"]), (Some(0), &true.into()));
 
     // The bus is the limit: fewer axes on it, or nothing.
-    let usb = [EIGHT, "--host", "usb", "--foreign", "1=3000", "--rate", "600"];
+    let usb = [EIGHT, "--host", "usb", "--foreign", "1=2500", "--rate", "600"];
     let (code, held) = plan(&usb);
     assert_eq!((code, &held["holds"]), (Some(1), &false.into()));
     let said = held["changes"].to_string();
-    assert!(said.contains("at most 2 instead of 4 axes on bus 1"), "{said}");
+    assert!(said.contains("2 instead of 4 axes on bus 1, the others on another bus"), "{said}");
 
     let (_, hopeless) = plan(&[EIGHT, "--rate", "5000"]);
     assert_eq!(hopeless["changes"], serde_json::json!([]));
@@ -105,6 +105,46 @@ fn a_running_cycle_has_room_for_what_it_reads() {
     // bit/s.
     let (code, slow) = plan(&[EIGHT, "--running", "--rate", "600", "--host", "460800"]);
     assert_eq!((code, &slow["plan"]["host"]["event_bytes"]), (Some(1), &163.into()));
+}
+
+/// What a gateway would refuse, or what would trip, holds no more than what a bus has no time for.
+#[test]
+fn a_rate_that_no_gateway_takes_does_not_hold() {
+    let refused = |arguments: &[&str], said: &str| {
+        let outcome = mgw(&[&["plan"], arguments].concat());
+        let told = outcome.failure(1);
+        assert!(told.contains(said), "{told}");
+    };
+    refused(&[FOUR, "--running", "--rate", "10"], "takes no RunCycle of less than 50 Hz");
+    // A setpoint of 100 ms is over before the next one comes.
+    refused(&[FOUR, "--rate", "9"], "expires before the next below 10.0 Hz: ttl_us");
+    assert_eq!(plan(&[FOUR, "--rate", "10"]).0, Some(0));
+    // The rate that is printed can be asked for.
+    for running in [&[][..], &["--running"]] {
+        let name = if running.is_empty() { "rate_hz" } else { "running_hz" };
+        let reached = plan(&[FOUR]).1["plan"][name].to_string();
+        assert_eq!(plan(&[&[FOUR, "--rate", &reached], running].concat()).0, Some(0), "{reached}");
+    }
+    // Where others leave a bus no time a stop has no bound: 6250 of 160 bits are a second.
+    let (_, full) = plan(&[FOUR, "--foreign", "0=6250"]);
+    let axis = &full["plan"]["buses"][0]["axes"][0];
+    assert_eq!((&axis["stop_alone_us"], &axis["stop_together_us"]), (&Value::Null, &Value::Null));
+}
+
+#[test]
+fn what_is_told_of_an_axis_is_of_one_that_is_there() {
+    for (arguments, said) in [
+        (["--impedance", "3"], "axis 3 takes no impedance setpoints: only RMD motors on CAN do"),
+        (["--reply-delay", "9=5"], "axis 9 is named, and"),
+    ] {
+        let outcome = mgw(&[&["plan", FOUR], &arguments[..]].concat());
+        let told = outcome.failure(2);
+        assert!(told.contains(said), "{told}");
+    }
+    // An impedance setpoint has 16 bytes more than a velocity.
+    let out =
+        |more: &[&str]| plan(&[&[FOUR], more].concat()).1["plan"]["host"]["out_bytes"].clone();
+    assert_eq!((out(&[]), out(&["--impedance", "0"])), (43.into(), 59.into()));
 }
 
 #[test]
