@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use host_protocol::{AxisState, CycleEvent, MAX_CYCLE_AXES, Overruns, StateFields};
+use gateway::PERIOD_US;
+use host_protocol::{AxisState, CycleEvent, MAX_CYCLE_AXES, Overruns, Quantity, StateFields};
 use mgw_client::{Client, Hold, Round, Transport};
 use serde_json::json;
 
@@ -40,8 +41,11 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
     for CycleTarget { axis, setpoint } in &targets {
         limits::check_setpoint(session, *axis, *setpoint)?;
     }
-    // What is too long for a `Duration` is too long for the gateway, which names the limits.
+    // What is too long for a `Duration` is too long for the gateway. Nothing is armed for a period
+    // that it would refuse.
     let period = Duration::try_from_secs_f64(1.0 / arguments.rate).unwrap_or(Duration::MAX);
+    let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
+    Quantity::Period.check(period_us, PERIOD_US).map_err(limits::refusal)?;
     let mut periods = Periods::new(session);
     let stopped = while_armed(session, &axes, |session, armed| {
         session.client.run_cycle(&axes, StateFields::of(&arguments.fields), period)?;

@@ -94,6 +94,7 @@ fn values(session: &mut Session, axis: u8) -> Result<Vec<(AxisParameter, Value)>
     Ok(values)
 }
 
-fn refusal(error: Error) -> Failure {
+/// A refusal as the gateway would say it.
+pub fn refusal(error: Error) -> Failure {
     ClientError::Gateway(error).into()
 }

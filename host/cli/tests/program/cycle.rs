@@ -78,4 +78,8 @@ fn what_cannot_be_driven_so_is_refused_with_the_reason() {
         assert_eq!(error["error"]["name"], name, "{words:?}: {error}");
         sim.await_state("0", |state| state["state"] != "active" && state["state"] != "armed");
     }
+    // No motor is armed for a period that no gateway takes.
+    let words = ["cycle", "0", "velocity", "2", "--rate", "5000"];
+    let told = sim.mgw_once_in_command(&words);
+    assert!(!told.stdout.contains("armed") && !told.stderr.contains("armed"), "{told:?}");
 }
