@@ -1,13 +1,14 @@
 //! Measures the rates of free-running cycles, prints the table and compares it with the committed
-//! one; `--renew` writes that anew.
+//! one; `--renew` writes that anew, and `--profile` prints instead which functions and lines the
+//! instructions of an axis and period are of.
 //!
-//! `.ci/virtual-board cycle [--board BOARD] [--only LINE | --renew]` builds the image and runs it,
-//! in virtual time.
+//! `.ci/virtual-board cycle [--board BOARD] [--only LINE | --renew | --profile]` builds the image
+//! and runs it, in virtual time.
 
 use std::error::Error;
 use std::process::ExitCode;
 
-use virtual_board::cycle_rates::{Table, measure};
+use virtual_board::cycle_rates::{Table, measure, profile};
 use virtual_board::machine::image_path;
 use virtual_board::sections::{exit_code, settle};
 
@@ -22,8 +23,9 @@ fn main() -> ExitCode {
         [] => exit_code(run("", false)),
         ["--only", line] => exit_code(run(line, false)),
         ["--renew"] => exit_code(run("", true)),
+        ["--profile"] => exit_code(print_profile()),
         _ => {
-            eprintln!("usage: cycle [--only LINE | --renew]");
+            eprintln!("usage: cycle [--only LINE | --renew | --profile]");
             ExitCode::from(2)
         }
     }
@@ -35,4 +37,10 @@ fn run(only: &str, renew: bool) -> Result<bool, Box<dyn Error>> {
     settle(COMMITTED, renew, &measured, |committed| {
         Ok(measured.complaints(&Table::parse(committed)?, only))
     })
+}
+
+/// It holds nothing: it is to be read.
+fn print_profile() -> Result<bool, Box<dyn Error>> {
+    print!("{}", profile(&image_path()?)?);
+    Ok(true)
 }

@@ -14,7 +14,7 @@ use std::panic::resume_unwind;
 use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
-use std::{fmt, fs, thread};
+use std::{fmt, thread};
 
 use host_protocol::requests::Cycle;
 use host_protocol::{
@@ -28,7 +28,7 @@ use virtual_stm32::fdcan::{FrameEnd, FrameRecord, Sender};
 use crate::board::Board;
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, Line, Machine};
-use crate::measure::{Fetches, Functions, NotMeasurable, STAGES};
+use crate::measure::{Fetches, Functions, NotMeasurable, Profiler, STAGES, Traced};
 use crate::nodes::since_start;
 use crate::outside::Outside;
 use crate::transport::BoardTransport;
@@ -139,11 +139,7 @@ impl fmt::Display for Situation {
 /// Fails if the file is no image.
 /// Panics if the gateway does not do what it is asked for.
 pub fn measure(image: &Path, filter: &str, is_traced: bool) -> Result<Table, NotMeasurable> {
-    let unreadable =
-        |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
-    let file = fs::read(image).map_err(|error| unreadable(&error))?;
-    let functions = is_traced.then(|| Functions::read(&file)).transpose();
-    let functions = &functions.map_err(|error| unreadable(&error))?;
+    let functions = &is_traced.then(|| Functions::of(image)).transpose()?;
     let board = &|| Builder::new(image).expect("the image that was just read");
     let wanted = &|| {
         let all = Situation::all(Board::chosen()).into_iter();
@@ -152,10 +148,13 @@ pub fn measure(image: &Path, filter: &str, is_traced: bool) -> Result<Table, Not
     let of_speed = |speed| {
         let mut rig = Rig::power_on(board().instructions_per_second(speed));
         let [fast, _] = Board::chosen().speeds;
-        let functions = functions.as_ref().filter(|_| speed == fast);
-        let measured: Vec<_> =
-            wanted().map(|situation| rig.measure(situation, speed, functions)).collect();
-        measured
+        let usual = Situation::usual(Board::chosen());
+        let measured = |situation| {
+            let traced = functions.as_ref().filter(|_| speed == fast && situation == usual);
+            let (row, traced) = rig.measure(situation, speed, traced);
+            (row, traced.map(|traced| by_stage(situation, &traced)))
+        };
+        wanted().map(measured).collect::<Vec<_>>()
     };
     let rows = thread::scope(|scope| {
         let runs = Board::chosen().speeds.map(|speed| scope.spawn(move || of_speed(speed)));
@@ -163,6 +162,36 @@ pub fn measure(image: &Path, filter: &str, is_traced: bool) -> Result<Table, Not
     });
     let (rows, stages): (Vec<Row>, Vec<_>) = rows.into_iter().unzip();
     Ok(Table { rows, stages: stages.into_iter().flatten().collect() })
+}
+
+/// Where the instructions of the usual line go on a core of the higher speed, for each axis and
+/// period, by function and by line.
+/// Fails if the file is no image.
+/// Panics as [`measure`] does.
+pub fn profile(image: &Path) -> Result<String, NotMeasurable> {
+    let functions = Functions::of(image)?;
+    let profiler = Profiler::new(image, functions.clone())?;
+    let [fast, _] = Board::chosen().speeds;
+    let board = Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
+    let usual = Situation::usual(Board::chosen());
+    let (_, traced) =
+        Rig::power_on(board.instructions_per_second(fast)).measure(usual, fast, Some(&functions));
+    let executed = traced.expect("asked for").executed;
+    Ok(profiler.table(&usual.to_string(), &executed, axis_periods(usual)))
+}
+
+/// How often an axis is served in what is traced.
+fn axis_periods(situation: Situation) -> u64 {
+    u64::from(TRACED) * situation.axes().len() as u64
+}
+
+/// Which stage of the work the instructions belong to, for each axis and period.
+fn by_stage(situation: Situation, traced: &Traced) -> String {
+    let stage = |((stage, _), count): (&(&str, _), &u64)| {
+        format!("{stage} {}", count / axis_periods(situation))
+    };
+    let stages: Vec<String> = STAGES.iter().zip(&traced.stages).map(stage).collect();
+    format!("{situation}, instructions for each axis and period by stage: {}", stages.join(", "))
 }
 
 /// A board with its motors, configured.
@@ -190,14 +219,14 @@ impl Rig {
         Self { machine, outside, client }
     }
 
-    /// Runs a cycle, and looks at it.
+    /// Runs a cycle, and looks at it. With the functions of the image, some periods are traced.
     /// Panics if the gateway refuses it, or tells of none.
     fn measure(
         &mut self,
         situation: Situation,
         speed: u64,
         functions: Option<&Functions>,
-    ) -> (Row, Option<String>) {
+    ) -> (Row, Option<Traced>) {
         let axes = situation.axes();
         let delay = Injection::ReplyTime(Some(situation.delay));
         for motor in 0..self.outside.motors() {
@@ -218,8 +247,7 @@ impl Rig {
         let mut told =
             |round: u32| situation.has_setpoints.then(|| frame(&axes, round, epoch, expires));
         self.run(SETTLED, period, &mut listener, &mut told);
-        let functions = functions.filter(|_| situation == Situation::usual(Board::chosen()));
-        let stages = functions.map(|functions| self.stages(situation, functions.clone()));
+        let traced = functions.map(|functions| self.traced(situation, functions.clone()));
         listener = Listener::default();
         self.run(2, period, &mut listener, &mut told);
         let before = self.look();
@@ -239,27 +267,19 @@ impl Rig {
             incidents.iter().all(|incident| matches!(incident, Incident::Started { start: 1, .. })),
             "{situation}, {speed} instructions a second: {incidents:?}"
         );
-        (row, stages)
+        (row, traced)
     }
 
-    /// Which stage of the work the instructions of some periods belong to, for each axis and
-    /// period.
-    fn stages(&mut self, situation: Situation, functions: Functions) -> String {
+    /// What some periods execute.
+    fn traced(&mut self, situation: Situation, functions: Functions) -> Traced {
         let mut machine = self.machine.borrow_mut();
         let mut fetches = Fetches::begin(&mut machine, functions);
         for _ in 0..TRACED {
             machine.run_for(Duration::from_micros(situation.period_us().into()));
         }
-        let counts = fetches.look(&mut machine).stages;
+        let traced = fetches.look(&mut machine);
         fetches.end(&mut machine);
-        let axis_cycles = u64::from(TRACED) * situation.axes().len() as u64;
-        let stage =
-            |((stage, _), count): (&(&str, _), u64)| format!("{stage} {}", count / axis_cycles);
-        let stages: Vec<String> = STAGES.iter().zip(counts).map(stage).collect();
-        format!(
-            "{situation}, instructions for each axis and period by stage: {}",
-            stages.join(", ")
-        )
+        traced
     }
 
     /// Runs for so many periods, and hears what is told.

@@ -10,6 +10,7 @@ mod fetches;
 mod image;
 mod life;
 mod operations;
+mod profile;
 mod stack;
 mod stages;
 mod table;
@@ -23,10 +24,10 @@ use std::{fmt, fs, thread};
 use crate::board::Board;
 use crate::machine::Builder;
 use bench::{Bench, Count, Span};
-pub(crate) use fetches::Fetches;
-use fetches::Traced;
+pub(crate) use fetches::{Fetches, Traced};
 use image::ImageFacts;
 use operations::Session;
+pub(crate) use profile::Profiler;
 pub(crate) use stages::{Functions, STAGES};
 
 /// Speeds of the core of the STM32H743, instructions per second: what it reaches at 400 MHz with
@@ -61,8 +62,7 @@ pub fn measure(image: &Path, is_traced: bool) -> Result<Table, NotMeasurable> {
         |error: &dyn fmt::Display| NotMeasurable(format!("{}: {error}", image.display()));
     let file = fs::read(image).map_err(|error| unreadable(&error))?;
     let facts = ImageFacts::read(&file).map_err(|error| unreadable(&error))?;
-    let functions = is_traced.then(|| Functions::read(&file)).transpose();
-    let functions = functions.map_err(|error| unreadable(&error))?;
+    let functions = is_traced.then(|| Functions::of(image)).transpose()?;
     // Once as a trial: from then on it is the same file.
     Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
     let board = &|| Builder::new(image).expect("the image that was just read");
@@ -103,30 +103,68 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
     ]
 }
 
+/// Where the instructions of the last repetition of each operation went on a core of the higher
+/// speed, by function and by line. It takes minutes.
+/// Fails if the file is no image.
+/// Panics as [`measure`] does.
+pub fn profile(image: &Path) -> Result<String, NotMeasurable> {
+    let functions = Functions::of(image)?;
+    let profiler = Profiler::new(image, functions.clone())?;
+    let board = || Builder::new(image).expect("the image that was just read");
+    let [fast, _] = Board::chosen().speeds;
+    let (_, operations) = run_twice(&board, fast, Some(functions));
+    let table = |operation: &Operation| {
+        let last = operation.costs.last().filter(|_| operation.costs.len() > 1)?;
+        Some(profiler.table(operation.what, &last.trace.executed, 1))
+    };
+    Ok(operations.iter().filter_map(table).collect::<Vec<_>>().join("\n"))
+}
+
+/// What was measured of an operation, by repetition.
+struct Operation {
+    what: &'static str,
+    spans: Vec<Span>,
+    costs: Vec<Cost>,
+}
+
+/// Runs everything to find the instants, and once more to count at them: the bench at its end, and
+/// what was counted. With the functions of the image, the last repetitions are traced.
+fn run_twice(
+    board: &dyn Fn() -> Builder,
+    instructions_per_second: u64,
+    functions: Option<Functions>,
+) -> (Bench, Vec<Operation>) {
+    let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
+    let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
+    let traced = spans.iter().filter_map(|(_, spans)| last_of(spans));
+    let traced = traced.filter(|_| functions.is_some()).collect();
+    let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect())
+        .traced(traced, functions);
+    assert_eq!(run(&mut bench), spans, "the same orders make the same run");
+    let mut costs = bench.counts().chunks_exact(2).map(|pair| Cost::between(&pair[0], &pair[1]));
+    let operation = |(what, spans): (_, Vec<Span>)| {
+        let costs = costs.by_ref().take(spans.len()).collect();
+        Operation { what, spans, costs }
+    };
+    let operations = spans.into_iter().map(operation).collect();
+    (bench, operations)
+}
+
 /// One row for a core of one speed: what, in which unit, how much.
 type Measured = (&'static str, String, u64);
 
-/// Runs everything twice, to find the instants and to count at them.
+/// The rows of one speed.
 fn measure_at(
     board: &dyn Fn() -> Builder,
     instructions_per_second: u64,
     functions: Option<Functions>,
 ) -> Vec<Measured> {
     let is_traced = functions.is_some();
-    let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
-    let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
-    let traced =
-        spans.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced)).collect();
-    let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect())
-        .traced(traced, functions);
-    assert_eq!(run(&mut bench), spans, "the same orders make the same run");
+    let (mut bench, operations) = run_twice(board, instructions_per_second, functions);
     let read_cycles = bench.read_cycles();
-
-    let mut counts = bench.counts().chunks_exact(2).map(|pair| Cost::between(pair[0], pair[1]));
     let mut rows = Vec::new();
     let mut row = |what: &'static str, unit: &str, value| rows.push((what, unit.to_owned(), value));
-    for (what, spans) in &spans {
-        let costs: Vec<Cost> = counts.by_ref().take(spans.len()).collect();
+    for Operation { what, spans, costs } in &operations {
         match costs[..] {
             [Cost { instructions, .. }] => row(what, "instructions", instructions),
             _ => {
@@ -154,7 +192,7 @@ fn measure_at(
 }
 
 /// What an operation costs.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Cost {
     instructions: u64,
     /// Nothing without a trace.
@@ -162,8 +200,13 @@ struct Cost {
 }
 
 impl Cost {
-    fn between(from: Count, to: Count) -> Self {
-        let trace = to.trace.zip(from.trace).map(|(to, from)| to - from).unwrap_or_default();
+    fn between(from: &Count, to: &Count) -> Self {
+        let trace = to
+            .trace
+            .clone()
+            .zip(from.trace.clone())
+            .map(|(to, from)| to - from)
+            .unwrap_or_default();
         Self { instructions: to.instructions - from.instructions, trace }
     }
 }

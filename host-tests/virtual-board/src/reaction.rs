@@ -15,7 +15,6 @@ mod turns;
 pub use situation::Situation;
 pub use table::{Row, Table, Times};
 
-use std::fs;
 use std::panic::resume_unwind;
 use std::path::Path;
 use std::sync::Mutex;
@@ -141,8 +140,7 @@ pub fn look(
     filter: &str,
 ) -> Result<String, NotMeasurable> {
     Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
-    let file = fs::read(image).map_err(|error| NotMeasurable(error.to_string()))?;
-    let functions = Functions::read(&file).map_err(NotMeasurable)?;
+    let functions = Functions::of(image)?;
     let mut text = String::new();
     for (speed, phases) in Board::chosen().speeds.into_iter().zip(phases) {
         let board = || {

@@ -43,7 +43,7 @@ impl Span {
 }
 
 /// What has been counted by an instant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Count {
     pub(super) instructions: u64,
     /// What a trace says, where there is one.

@@ -5,17 +5,20 @@ use std::ops::{Range, Sub};
 
 use virtual_stm32::fetch::{Cache, Geometry, read_cycles};
 
+use super::profile::Executed;
 use super::stages::{Counts, Functions, Stages};
 use crate::machine::Machine;
 use crate::nodes::instant;
 
 /// What a trace says.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Traced {
     /// Reads of the flash.
     pub(crate) reads: u64,
     /// Instructions by stage.
     pub(crate) stages: Counts,
+    /// Instructions by address, since the look before.
+    pub(crate) executed: Executed,
 }
 
 impl Sub for Traced {
@@ -23,7 +26,7 @@ impl Sub for Traced {
 
     fn sub(self, before: Self) -> Self {
         let stages = std::array::from_fn(|stage| self.stages[stage] - before.stages[stage]);
-        Self { reads: self.reads - before.reads, stages }
+        Self { reads: self.reads - before.reads, stages, executed: self.executed }
     }
 }
 
@@ -55,6 +58,7 @@ impl Fetches {
 
     /// What it says so far.
     pub(crate) fn look(&mut self, machine: &mut Machine) -> Traced {
+        let mut executed = Executed::new();
         for hit in machine.take_hits() {
             let Some(at) = hit.address.checked_sub(self.code.start) else { continue };
             let Some(upper) = usize::try_from(at).ok().and_then(|at| self.bytes.get(at + 1)) else {
@@ -64,8 +68,9 @@ impl Fetches {
             let is_long = *upper >= 0b1110_1000;
             self.cache.fetch(hit.address, if is_long { 4 } else { 2 });
             self.stages.executed(hit.address);
+            *executed.entry(hit.address).or_insert(0) += 1;
         }
-        Traced { reads: self.cache.reads(), stages: self.stages.counts() }
+        Traced { reads: self.cache.reads(), stages: self.stages.counts(), executed }
     }
 }
 
@@ -90,10 +95,11 @@ mod tests {
         let mut fetches = Fetches::begin(&mut machine, Functions::read(&image).unwrap());
         let before = machine.instructions();
         machine.run_for(Duration::from_millis(30));
-        let Traced { reads, stages } = fetches.look(&mut machine);
+        let Traced { reads, stages, executed: by_address } = fetches.look(&mut machine);
         let executed = machine.instructions() - before;
         assert!(executed > 1_000, "{executed}");
         assert_eq!(stages.iter().sum::<u64>(), executed);
+        assert_eq!(by_address.values().sum::<u64>(), executed);
         assert!(reads > 100 && reads < executed / 10, "{reads} of {executed}");
         // Two wait states at 200 MHz, half of the processor's clock: (2 + 4) * 2.
         assert_eq!(cycles(&mut machine), 12);

@@ -5,8 +5,12 @@
 //! from the trace: who is entered at its begin was called or has interrupted, who is entered in its
 //! midst goes on.
 
+use std::fs;
+use std::path::Path;
+
 use object::{Object, ObjectSymbol, SymbolKind};
 
+use super::NotMeasurable;
 use crate::machine::{mangled, path};
 
 /// How many stages there are.
@@ -51,6 +55,17 @@ pub(crate) struct Function {
 pub(crate) struct Functions(Vec<Function>);
 
 impl Functions {
+    /// Of the file of an image.
+    ///
+    /// # Errors
+    ///
+    /// As [`Functions::read`] tells, or if the file cannot be read.
+    pub(crate) fn of(image: &Path) -> Result<Self, NotMeasurable> {
+        let file = fs::read(image).map_err(|error| error.to_string());
+        file.and_then(|file| Self::read(&file))
+            .map_err(|error| NotMeasurable(format!("{}: {error}", image.display())))
+    }
+
     /// Of an ELF file.
     ///
     /// # Errors
@@ -82,6 +97,14 @@ impl Functions {
     pub(crate) fn at(&self, address: u64) -> Option<&Function> {
         let behind = self.0.partition_point(|function| function.begin <= address);
         self.0.get(behind.checked_sub(1)?).filter(|function| address < function.end)
+    }
+}
+
+#[cfg(test)]
+impl Functions {
+    /// The function with that path.
+    pub(super) fn named(&self, path: &str) -> &Function {
+        self.0.iter().find(|function| function.path == path).expect("a function of the image")
     }
 }
 
