@@ -34,8 +34,8 @@ pub(crate) use stages::{Functions, STAGES};
 /// its caches, and a bad case without.
 pub const SPEEDS: [u64; 2] = [250_000_000, 100_000_000];
 
-/// Repetitions of each operation, its last ones, of which there is a trace; the first of them fills
-/// the cache.
+/// Repetitions of each operation, its last ones, of which the table has a trace; the first of them
+/// fills the cache.
 const TRACED: usize = 2;
 
 /// Decides the motors' reply times.
@@ -103,8 +103,8 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
     ]
 }
 
-/// Where the instructions of the last repetition of each operation went on a core of the higher
-/// speed, by function and by line. It takes minutes.
+/// Where the instructions of each operation go on a core of the higher speed, in a repetition of
+/// median cost and in the worst, by function and by line. It takes minutes.
 /// Fails if the file is no image.
 /// Panics as [`measure`] does.
 pub fn profile(image: &Path) -> Result<String, NotMeasurable> {
@@ -112,12 +112,25 @@ pub fn profile(image: &Path) -> Result<String, NotMeasurable> {
     let profiler = Profiler::new(image, functions.clone())?;
     let board = || Builder::new(image).expect("the image that was just read");
     let [fast, _] = Board::chosen().speeds;
-    let (_, operations) = run_twice(&board, fast, Some(functions));
-    let table = |operation: &Operation| {
-        let last = operation.costs.last().filter(|_| operation.costs.len() > 1)?;
-        Some(profiler.table(operation.what, &last.trace.executed, 1))
+    let runs = run(&mut Bench::power_on(board(), fast, Vec::new()));
+    let (_, counted) = count(&board, fast, &runs, Vec::new(), None);
+    let repeated = counted.iter().filter(|operation| operation.costs.len() > 1);
+    let looked_at: Vec<_> =
+        repeated.map(|operation| (operation, operation.median_and_worst())).collect();
+    let mut traced: Vec<Span> =
+        looked_at.iter().flat_map(|(operation, at)| at.map(|at| operation.spans[at])).collect();
+    traced.sort_by_key(|span| span.from);
+    traced.dedup();
+    let (_, found) = count(&board, fast, &runs, traced, Some(functions));
+    let table = |(operation, at): &(&Operation, [usize; 2])| {
+        let found = found.iter().find(|other| other.what == operation.what)?;
+        let tables = ["median", "worst"].into_iter().zip(at).map(|(which, at)| {
+            let what = format!("{}, {which}", operation.what);
+            profiler.table(&what, &found.costs[*at].trace.executed, 1)
+        });
+        Some(tables.collect::<Vec<_>>().join("\n"))
     };
-    Ok(operations.iter().filter_map(table).collect::<Vec<_>>().join("\n"))
+    Ok(looked_at.iter().filter_map(table).collect::<Vec<_>>().join("\n"))
 }
 
 /// What was measured of an operation, by repetition.
@@ -127,26 +140,34 @@ struct Operation {
     costs: Vec<Cost>,
 }
 
-/// Runs everything to find the instants, and once more to count at them: the bench at its end, and
-/// what was counted. With the functions of the image, the last repetitions are traced.
-fn run_twice(
+impl Operation {
+    /// A repetition of median cost, and the dearest.
+    fn median_and_worst(&self) -> [usize; 2] {
+        let costs = || self.costs.iter().map(|cost| cost.instructions);
+        let (median, worst) = median_and_worst(costs());
+        [median, worst].map(|wanted| costs().position(|cost| cost == wanted).expect("one of them"))
+    }
+}
+
+/// Runs everything once more to count at instants that were found: the bench at its end, and what
+/// was counted. With the functions of the image, the spans `traced` are traced.
+fn count(
     board: &dyn Fn() -> Builder,
     instructions_per_second: u64,
+    runs: &[(&'static str, Vec<Span>)],
+    traced: Vec<Span>,
     functions: Option<Functions>,
 ) -> (Bench, Vec<Operation>) {
-    let spans = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
-    let marks = spans.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
-    let traced = spans.iter().filter_map(|(_, spans)| last_of(spans));
-    let traced = traced.filter(|_| functions.is_some()).collect();
+    let marks = runs.iter().flat_map(|(_, spans)| spans).flat_map(|span| [span.from, span.to]);
     let mut bench = Bench::power_on(board(), instructions_per_second, marks.collect())
         .traced(traced, functions);
-    assert_eq!(run(&mut bench), spans, "the same orders make the same run");
+    assert_eq!(run(&mut bench), runs, "the same orders make the same run");
     let mut costs = bench.counts().chunks_exact(2).map(|pair| Cost::between(&pair[0], &pair[1]));
-    let operation = |(what, spans): (_, Vec<Span>)| {
+    let operation = |(what, spans): &(&'static str, Vec<Span>)| {
         let costs = costs.by_ref().take(spans.len()).collect();
-        Operation { what, spans, costs }
+        Operation { what, spans: spans.clone(), costs }
     };
-    let operations = spans.into_iter().map(operation).collect();
+    let operations = runs.iter().map(operation).collect();
     (bench, operations)
 }
 
@@ -160,7 +181,10 @@ fn measure_at(
     functions: Option<Functions>,
 ) -> Vec<Measured> {
     let is_traced = functions.is_some();
-    let (mut bench, operations) = run_twice(board, instructions_per_second, functions);
+    let runs = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
+    let traced = runs.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced));
+    let traced = traced.collect();
+    let (mut bench, operations) = count(board, instructions_per_second, &runs, traced, functions);
     let read_cycles = bench.read_cycles();
     let mut rows = Vec::new();
     let mut row = |what: &'static str, unit: &str, value| rows.push((what, unit.to_owned(), value));
