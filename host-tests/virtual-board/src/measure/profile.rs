@@ -39,7 +39,11 @@ impl Profiler {
         let (mut functions, mut lines) = (BTreeMap::new(), BTreeMap::new());
         for (&address, &count) in executed {
             let function = self.functions.at(address);
-            let name = function.map_or_else(|| "?".to_owned(), |function| function.path.clone());
+            // A generic function is there once for each of its types.
+            let name = function.map_or_else(
+                || "?".to_owned(),
+                |function| format!("{} {:#x}", function.path, function.begin),
+            );
             let (instructions, calls) = functions.entry(name).or_insert((0, 0));
             *instructions += count;
             if function.is_some_and(|function| function.begin == address) {
