@@ -31,9 +31,6 @@ use crate::dma_memory::Buffer;
 const BITS_PER_BYTE: u64 = 10;
 /// Bits that the driver-enable may add: its lead and its tail.
 const DRIVER_ENABLE_BITS: u64 = 4;
-/// Bytes that the transmitter still holds when DMA has handed over the last one: its FIFO, and the
-/// shift register (RM0433, RM0440, USART chapter).
-const TRANSMITTER_DEPTH: usize = 16 + 1;
 /// A byte that is arriving is waited for, and the one behind it.
 const ARRIVING_BYTES: usize = 2;
 /// How often a stream that is to be stopped is looked at: it stops when the byte on its way has
@@ -387,22 +384,24 @@ impl Sender {
         self.send_held(message.len()).await
     }
 
-    /// The same for so many bytes of [`message`](Self::message).
+    /// The same for so many bytes of [`message`](Self::message). One timer watches all of it: the
+    /// executor keeps it when the message has left, and the next one need not set it.
     pub async fn send_held(&mut self, length: usize) -> Result<(), TimeoutError> {
-        let bits = BITS_PER_BYTE * length as u64 + DRIVER_ENABLE_BITS;
-        // What is left when the transmitter has been handed the last byte, and a byte more.
-        let held = length.min(TRANSMITTER_DEPTH) + 1;
-        let rest = self.duration(BITS_PER_BYTE * held as u64 + DRIVER_ENABLE_BITS);
-        let limit = self.duration(bits) + MARGIN;
+        let limit = self.duration(BITS_PER_BYTE * length as u64 + DRIVER_ENABLE_BITS) + MARGIN;
         let bytes = self.memory.bytes().get(..length).ok_or(TimeoutError)?;
         self.registers.icr().write(|w| w.set_tc(true));
         self.events.sent.reset();
         self.registers.cr1().modify(|w| w.set_tcie(true));
-        // What the driver's write returns is always Ok: it reports nothing.
-        let _ = with_timeout(limit, self.driver.write(bytes)).await?;
-        // What the transmitter still holds is on its way. Its event tells when that has left; where
-        // no event comes, the time does.
-        let _ = with_timeout(rest, self.events.sent.wait()).await;
-        Ok(())
+        let leaves = async {
+            // What the driver's write returns is always Ok: it reports nothing. The transmitter
+            // still holds the last bytes then.
+            let _ = self.driver.write(bytes).await;
+            self.events.sent.wait().await;
+        };
+        match with_timeout(limit, leaves).await {
+            // Its event has not come, but it has left.
+            Err(TimeoutError) if self.registers.isr().read().tc() => Ok(()),
+            left => left,
+        }
     }
 }
