@@ -47,7 +47,7 @@ impl CanBus {
             return false;
         }
         let Some(controller) = &mut self.controller else { return false };
-        if !core.may_want(self.bus) {
+        if !core.may_want(now, self.bus) {
             return false;
         }
         let mut has_polled = false;

@@ -323,18 +323,17 @@ impl Gateway {
 
     /// Whether a bus that has just changed may have a frame to send or to cancel: where not, it need
     /// not be polled.
-    pub fn may_want(&self, bus: u8) -> bool {
-        let is_idle = |bus: &Tracked<Bus>| bus.nothing_in_flight() && bus.raw.is_none();
+    pub fn may_want(&self, now: Instant, bus: u8) -> bool {
+        let polled = self.buses.get(usize::from(bus));
         !self.unstopped.is_empty()
             || !self.axes.which(Is::Spreading).is_empty()
-            || !self.axes.which_on(Is::Ready, bus).is_empty()
-            || !self.buses.get(usize::from(bus)).is_none_or(is_idle)
+            || polled.is_some_and(|bus| bus.may_want(now, &self.axes))
     }
 
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = self.later(now);
-        let may_want = self.may_want(bus) || now > self.now;
+        let may_want = now > self.now || self.may_want(now, bus);
         self.begin_stops(bus);
         self.settle_served(now);
         let Self { buses, axes, links, .. } = self;
@@ -372,9 +371,11 @@ impl Gateway {
     /// motion that a stop or a newer setpoint has replaced before it could leave.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = self.later(now);
+        let may_want = now > self.now || self.may_want(now, bus);
         self.begin_stops(bus);
         self.settle_served(now);
         let slot = self.with_bus(now, bus, |bus, axes, _| bus.poll_cancel(now, axes))?;
+        debug_assert!(may_want || slot.is_none(), "bus {bus} has more to cancel than is known");
         self.crowded_buses.put(Set::of(bus), slot.is_some());
         self.has_polled(bus, slot.is_some());
         slot

@@ -78,9 +78,8 @@ impl Axis {
     /// or a newer setpoint has taken its place. The same setpoint again is the same frame; the
     /// same distance again is another move.
     pub fn has_replaced(&self, slot: u8) -> bool {
-        self.transactions.is_replaced(slot, |request| match request.once {
-            true => self.is_latest(request.motion),
-            false => self.is_in_force(&request.command),
+        self.transactions.is_replaced(slot, |request| {
+            self.is_latest(request.motion) || !request.once && self.is_in_force(&request.command)
         })
     }
 

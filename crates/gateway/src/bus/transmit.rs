@@ -77,23 +77,38 @@ impl Bus {
         }
     }
 
+    /// Whether a bus that has just changed may have a frame to send or to cancel: where it stops
+    /// nothing, it sends one frame at a time.
+    pub fn may_want(&self, now: Instant, axes: &Axes) -> bool {
+        if self.raw.is_some() || !self.which(Is::Stopping, axes).is_empty() {
+            return true;
+        }
+        match self.nothing_in_flight() {
+            true => !self.which(Is::Ready, axes).is_empty(),
+            false => self.unwanted(now, None, axes).is_some(),
+        }
+    }
+
     /// The next frame that the controller should cancel: its axis has replaced it, or it keeps a
     /// stop out that goes before it.
     pub fn poll_cancel(&mut self, now: Instant, axes: &Axes) -> Option<u8> {
-        if self.kind() != BusKind::Can {
+        if self.kind() != BusKind::Can || self.nothing_in_flight() {
             return None;
         }
-        if self.nothing_in_flight() {
-            return None;
-        }
-        let within = CANCELLED_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         let first_stop = self.first_stop_in_controller(now, axes);
-        for (slot, in_flight) in (0u8..).zip(&mut self.in_flight) {
-            let Some(in_flight) = in_flight.as_mut().filter(|f| f.cancel_by.is_none()) else {
-                continue;
-            };
+        let unwanted = self.unwanted(now, first_stop, axes);
+        let slot = unwanted.or_else(|| self.keeps_a_stop_out(now, axes))?;
+        let within = CANCELLED_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
+        self.in_flight.get_mut(usize::from(slot))?.as_mut()?.cancel_by = Some(now + within);
+        Some(slot)
+    }
+
+    /// A frame in the controller that is not to leave, and has not been asked back. `first_stop`: it
+    /// goes before all that is no stop and has a higher id.
+    fn unwanted(&self, now: Instant, first_stop: Option<CanId>, axes: &Axes) -> Option<u8> {
+        let is_unwanted = |slot: u8, in_flight: &InFlight| {
             let axis = in_flight.axis.and_then(|index| axes.get(usize::from(index)));
-            let unwanted = match axis {
+            match axis {
                 // What was given up must not leave when nobody expects it any more.
                 Some(axis) => {
                     in_flight.collided_at.is_some_and(|at| at <= now)
@@ -104,15 +119,11 @@ impl Bus {
                             && !axis.transactions.has_in(slot)
                 }
                 None => in_flight.is_disowned || self.raw.is_none(),
-            };
-            if unwanted {
-                in_flight.cancel_by = Some(now + within);
-                return Some(slot);
             }
-        }
-        let slot = self.keeps_a_stop_out(now, axes)?;
-        self.in_flight.get_mut(usize::from(slot))?.as_mut()?.cancel_by = Some(now + within);
-        Some(slot)
+        };
+        let held = (0u8..).zip(&self.in_flight).filter_map(|(slot, f)| Some((slot, f.as_ref()?)));
+        let mut kept = held.filter(|(_, in_flight)| in_flight.cancel_by.is_none());
+        kept.find(|(slot, in_flight)| is_unwanted(*slot, in_flight)).map(|(slot, _)| slot)
     }
 
     /// The controller has cancelled the frame in `slot`.
