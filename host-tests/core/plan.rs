@@ -78,7 +78,7 @@ fn foreign_frames_take_their_part_of_everything() {
     assert!(busy.period > quiet.period && busy.longest > quiet.longest);
     // (100 + 2 · 135 + 135 + 25) / (1 − 0.32), rounded down: a foreign frame may have an id of 29
     // bits, and then has 25 more.
-    assert_eq!(busy.axes[0].stop_alone, Some(us(505_000 / 680 + 25_000 / 680)));
+    assert_eq!(busy.axes[0].stop_alone, Some(us(530_000 / 680)));
     let full = plan(&rig, &Assumptions { foreign_frames_s: 8_000, ..Assumptions::DEFAULT });
     assert_eq!((full.period, full.longest), (None, None));
     // A stop has no bound there.

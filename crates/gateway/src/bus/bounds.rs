@@ -35,8 +35,8 @@ pub(super) struct Bounds {
     pub outranking_replies: u64,
     /// A motor's reply may have the id of the next frame to it.
     pub shares_ids: bool,
-    /// The frames that motors may send by themselves one behind the other.
-    pub streamed_at_once: u64,
+    /// What the frames take that motors may send by themselves one behind the other.
+    pub streamed_at_once: Duration,
     /// The share of the bus's time that these take.
     pub streamed_permille: u64,
     /// [`Bus::ordinary_bound`].
@@ -48,28 +48,38 @@ impl Bounds {
         further_replies: 0,
         outranking_replies: 0,
         shares_ids: false,
-        streamed_at_once: 0,
+        streamed_at_once: Duration::ZERO,
         streamed_permille: 0,
         ordinary: Duration::ZERO,
     };
 
     /// These, beside frames of others that take such a part of the bus's time, one at once.
-    pub fn beside_foreign(self, permille: u64) -> Self {
+    pub fn beside_foreign(self, permille: u64, frame: Duration) -> Self {
         if permille == 0 {
             return self;
         }
         Self {
-            streamed_at_once: self.streamed_at_once + 1,
+            streamed_at_once: self.streamed_at_once + frame,
             streamed_permille: self.streamed_permille + permille,
             ..self
         }
     }
+
+    /// What takes so long on a bus to itself, beside the frames that motors here send by
+    /// themselves: those that are due when it begins, and those that come due meanwhile.
+    fn beside_streams(&self, alone: Duration) -> Duration {
+        if self.streamed_at_once == Duration::ZERO {
+            return alone;
+        }
+        let left = left_of(self.streamed_permille).unwrap_or(NonZeroU64::MIN);
+        (alone + self.streamed_at_once).times(1_000).part(left)
+    }
 }
 
-/// What is left of a bus's time beside such a part of it, permille. More than the load of a bus may
-/// be is refused when it is configured.
-pub(super) fn left_of(taken_permille: u64) -> NonZeroU64 {
-    NonZeroU64::new(1_000 - taken_permille.min(999)).unwrap_or(NonZeroU64::MIN)
+/// What is left of a bus's time beside such a part of it, permille, if anything is. Axes that take
+/// all of it are refused when they are configured.
+pub(super) fn left_of(taken_permille: u64) -> Option<NonZeroU64> {
+    NonZeroU64::new(1_000_u64.saturating_sub(taken_permille))
 }
 
 impl Bus {
@@ -98,20 +108,10 @@ impl Bus {
                     if self.which(Is::Objecting, axes).is_empty() { Duration::ZERO } else { wait };
                 let alone =
                     SOFTWARE + wait + objections.times(stops) + frame.times(2 * stops + replies);
-                self.beside_streams(bounds, alone)
+                bounds.beside_streams(alone)
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }
-    }
-
-    /// What takes so long on a bus to itself, beside the frames that motors here send by
-    /// themselves: those that are due when it begins, and those that come due meanwhile.
-    fn beside_streams(&self, bounds: &Bounds, alone: Duration) -> Duration {
-        let Bounds { streamed_at_once, streamed_permille, .. } = *bounds;
-        if streamed_at_once == 0 {
-            return alone;
-        }
-        (alone + self.frame_time(streamed_at_once)).times(1_000).part(left_of(streamed_permille))
     }
 
     /// Works out what the axes here have the bus carry, and how long others wait for it.
@@ -129,8 +129,8 @@ impl Bus {
         for axis in self.axes_here(axes) {
             let replies = u64::from(protocol::replies_to_motion(&axis.config));
             bounds.further_replies += replies - 1 + objections(axis, self.axes_here(axes));
-            bounds.streamed_at_once +=
-                protocol::stream(&axis.config).map_or(0, |stream| stream.frames);
+            let streamed = protocol::stream(&axis.config).map_or(0, |stream| stream.frames);
+            bounds.streamed_at_once = bounds.streamed_at_once + frame.times(streamed);
             bounds.streamed_permille += streamed_permille(axis, frame);
         }
         self.bounds = bounds;
@@ -158,8 +158,7 @@ impl Bus {
         };
         let further = self.frame_time(2 * self.bounds.further_replies);
         self.bound(axes, all)
-            + self
-                .beside_streams(&self.bounds, window.times(2) + exchange.times(2 * axes) + further)
+            + self.bounds.beside_streams(window.times(2) + exchange.times(2 * axes) + further)
     }
 
     /// Within what time a setpoint that is due must have left; at once where nothing carries it.

@@ -16,7 +16,6 @@ use crate::axis::Axis;
 use crate::protocol::{self, Exchange, Info};
 use crate::set::Set;
 use crate::time::Duration;
-use core::num::NonZeroU64;
 use heapless::Vec;
 use host_protocol::{AxisParameter, BusKind, Setpoint, StateFields};
 
@@ -192,18 +191,10 @@ impl Bus {
         let foreign = foreign_frame.times(assumed.foreign_frames_s.into());
         let foreign_permille = share(foreign, Duration::from_millis(1_000));
         let (mut polls_permille, mut longest_wait_permille, mut streams_permille) = (0, 0, 0);
-        let bounds = self.bounds.beside_foreign(foreign_permille);
+        let bounds = self.bounds.beside_foreign(foreign_permille, foreign_frame);
         let all = self.here(axes).len().into();
-        let beyond_ours = match foreign_permille {
-            0 => Duration::ZERO,
-            _ => foreign_frame - self.frame_time(1),
-        };
-        let is_left = bounds.streamed_permille < 1_000;
         let stop = |stops| {
-            is_left.then(|| {
-                self.bound_beside(&bounds, stops, axes)
-                    + beyond_ours.times(1_000).part(left_of(bounds.streamed_permille))
-            })
+            left_of(bounds.streamed_permille).map(|_| self.bound_beside(&bounds, stops, axes))
         };
         for axis in here() {
             let delay = assumed.reply_delay.get(usize::from(axis.index));
@@ -275,7 +266,7 @@ impl Bus {
             });
         let taken = polls_permille + longest_wait_permille + streams_permille + foreign_permille;
         let with_taken = |time: Duration, taken: u64| {
-            let left = NonZeroU64::new(1_000_u64.saturating_sub(taken))?;
+            let left = left_of(taken)?;
             Some(Duration::from_micros((time.as_micros() * 1_000).div_ceil(left.get())))
         };
         let beside = |time: Duration| {
@@ -290,7 +281,7 @@ impl Bus {
                 found = longer;
             }
         };
-        let at_once = self.frame_time(bounds.streamed_at_once);
+        let at_once = bounds.streamed_at_once;
         // On a line nobody else talks meanwhile.
         let frames = |part: &Part| match self.kind() {
             BusKind::Can => part.motion.frames() + part.poll.frames().times(2 + part.reads),

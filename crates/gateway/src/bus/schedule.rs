@@ -249,7 +249,7 @@ impl Bus {
             0 => 0,
             replies => replies + u64::from(self.which(Is::Stopping, axes).len()),
         };
-        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies + self.bounds.streamed_at_once)
+        self.frame_time(FIRST_STOPS_BAR_FRAMES + replies) + self.bounds.streamed_at_once
     }
 
     /// From when on each first stop that has not left may leave.
