@@ -1,5 +1,6 @@
 //! Which single change would make a rate hold: each is tried by planning anew.
 
+use gateway::MAX_BUSES;
 use host_protocol::{AxisParameter, BusKind, MAX_CYCLE_AXES, StateField, StateFields, Value};
 
 use super::{Plan, Premises, held};
@@ -63,9 +64,8 @@ fn fewer_axes(
     let here = configuration.axes.iter().filter(|(_, values)| is_here(values));
     let here: Vec<u8> = here.map(|(axis, _)| *axis).collect();
     let all = here.len();
-    let free =
-        (0..).zip(premises.kinds).find(|(other, _)| !configuration.buses.contains_key(other));
-    let moved = free.and_then(|(other, _)| {
+    let free = (0..).take(MAX_BUSES).find(|other| !configuration.buses.contains_key(other));
+    let moved = free.and_then(|other: u8| {
         let mut premises = premises.clone();
         *premises.kinds.get_mut(usize::from(other))? = *premises.kinds.get(usize::from(bus))?;
         (1..all).rev().find(|left| {

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, PERIOD_US, Set};
 use host_protocol::{
-    AxisParameter, BusKind, MAX_CYCLE_AXES, Protocol, StateFields, Value, cycle_event_bytes,
+    AxisParameter, BusKind, MAX_CYCLE_AXES, Protocol, StateFields, cycle_event_bytes,
     cycle_frame_bytes,
 };
 
@@ -238,28 +238,24 @@ fn premises(
         }
         foreign[usize::from(bus)] = frames;
     }
+    let told = arguments.reply_delays.iter().filter_map(|(axis, _)| *axis);
+    let told = told.chain(arguments.models.iter().map(|(axis, _)| *axis));
+    let mut told = told.chain(arguments.impedance.iter().copied());
+    if let Some(axis) = told.find(|axis| !configuration.axes.contains_key(axis)) {
+        let path = &arguments.source.path;
+        return Err(Failure::Usage(format!("axis {axis} is named, and {path} does not have it")));
+    }
     let mut impedance = Set::NONE;
     for axis in arguments.impedance.iter().copied() {
-        let path = &arguments.source.path;
-        let values = configuration.axes.get(&axis).ok_or_else(|| {
-            Failure::Usage(format!("axis {axis} is named, and {path} does not have it"))
-        })?;
-        let is_rmd = values.get(&AxisParameter::Protocol)
-            == Some(&Value::Unsigned(Protocol::Rmd.number().into()));
-        let bus = values.get(&AxisParameter::Bus).copied().and_then(Value::as_unsigned);
-        let kind = bus.and_then(|bus| kinds.get(usize::try_from(bus).ok()?));
-        if !is_rmd || kind != Some(&BusKind::Can) {
+        let number = |parameter| configuration.axes.get(&axis)?.get(&parameter)?.as_unsigned();
+        let is_rmd = number(AxisParameter::Protocol) == Some(Protocol::Rmd.number().into());
+        let bus = number(AxisParameter::Bus).and_then(|bus| usize::try_from(bus).ok());
+        if !is_rmd || bus.and_then(|bus| kinds.get(bus)) != Some(&BusKind::Can) {
             let text =
                 format!("axis {axis} takes no impedance setpoints: only RMD motors on CAN do");
             return Err(Failure::Usage(text));
         }
         impedance = impedance.with(Set::of(axis));
-    }
-    let told = arguments.reply_delays.iter().filter_map(|(axis, _)| *axis);
-    let told = told.chain(arguments.models.iter().map(|(axis, _)| *axis));
-    if let Some(axis) = told.into_iter().find(|axis| !configuration.axes.contains_key(axis)) {
-        let path = &arguments.source.path;
-        return Err(Failure::Usage(format!("axis {axis} is named, and {path} does not have it")));
     }
     let mut assumed = Assumptions {
         software: gateway::Duration::from_micros(arguments.gateway_us.into()),
