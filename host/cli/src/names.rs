@@ -3,6 +3,7 @@
 use host_protocol::{Named, Subject};
 
 use crate::args::Typed;
+use crate::config::Configuration;
 use crate::failure::Failure;
 
 /// The names of a gateway, its buses and its axes.
@@ -12,6 +13,13 @@ pub struct Names(Vec<Named>);
 impl From<Vec<Named>> for Names {
     fn from(names: Vec<Named>) -> Self {
         Self(names)
+    }
+}
+
+impl From<&Configuration> for Names {
+    fn from(configuration: &Configuration) -> Self {
+        let named = |(of, name): (&Subject, &_)| Named { of: *of, name: Clone::clone(name) };
+        Self(configuration.names.iter().map(named).collect())
     }
 }
 

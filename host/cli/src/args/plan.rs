@@ -3,6 +3,7 @@
 use clap::Args;
 use host_protocol::StateField;
 
+use super::typed::Typed;
 use super::values::state_field;
 use crate::config::Source;
 use crate::delays::typed_word;
@@ -30,7 +31,7 @@ pub struct PlanArgs {
     pub running: bool,
     /// How long motors take to begin their reply, µs: all of them, or one axis; 250 unless given
     #[arg(long = "reply-delay", value_name = "US|AXIS=US", value_parser = reply_delay)]
-    pub reply_delays: Vec<(Option<u8>, u32)>,
+    pub reply_delays: Vec<(Option<Typed>, u32)>,
     /// Reply delays as `mgw bench --delays` has written them, or the table of `mgw delays`, of
     /// which each axis takes the longest of its protocol, bus and bitrate; --reply-delay goes
     /// before
@@ -40,10 +41,10 @@ pub struct PlanArgs {
     #[arg(
         long = "motor", value_name = "AXIS=MODEL", value_parser = model, requires = "delays"
     )]
-    pub models: Vec<(u8, String)>,
+    pub models: Vec<(Typed, String)>,
     /// Frames of others on a CAN bus in a second, each counted as the longest
     #[arg(long, value_name = "BUS=FRAMES_S", value_parser = foreign)]
-    pub foreign: Vec<(u8, u32)>,
+    pub foreign: Vec<(Typed, u32)>,
     /// The host's line: a baud rate, or `usb`, whose time counts for nothing
     #[arg(long, value_name = "BAUD|usb", default_value = "921600", value_parser = host_line)]
     pub host: HostLine,
@@ -55,7 +56,7 @@ pub struct PlanArgs {
     pub fields: Vec<StateField>,
     /// An axis that is given impedance setpoints: its state is read beside them; may be given often
     #[arg(long, value_name = "AXIS")]
-    pub impedance: Vec<u8>,
+    pub impedance: Vec<Typed>,
     /// What the gateway's software takes: host to bus, between two requests, bus to host, µs
     #[arg(
         long, value_name = "US", default_value_t = 100,
@@ -65,13 +66,23 @@ pub struct PlanArgs {
     /// Buses that are RS485 although their bitrate could be one of CAN: more than 1 Mbit/s or a
     /// multiple of 9600 is taken for RS485, everything else for CAN
     #[arg(long, value_name = "BUS")]
-    pub rs485: Vec<u8>,
+    pub rs485: Vec<Typed>,
 }
 
-fn model(text: &str) -> Result<(u8, String), String> {
-    let parts = text.split_once('=').and_then(|(axis, model)| Some((axis.parse().ok()?, model)));
-    let known = parts.filter(|(axis, _)| usize::from(*axis) < gateway::MAX_AXES);
-    let (axis, model) = known.ok_or_else(|| "takes AXIS=MODEL, axis 0 to 31".to_owned())?;
+/// A name, or a number below `end`.
+fn typed(text: &str, end: usize) -> Option<Typed> {
+    let is_there = |typed: &Typed| match typed {
+        Typed::Number(number) => usize::from(*number) < end,
+        Typed::Name(_) => true,
+    };
+    text.parse().ok().filter(is_there)
+}
+
+fn model(text: &str) -> Result<(Typed, String), String> {
+    let parts = text.split_once('=');
+    let known = parts.and_then(|(axis, model)| Some((typed(axis, gateway::MAX_AXES)?, model)));
+    let (axis, model) =
+        known.ok_or_else(|| "takes AXIS=MODEL, axis 0 to 31 or its name".to_owned())?;
     typed_word(model).map(|model| (axis, model))
 }
 
@@ -83,24 +94,25 @@ fn hertz(text: &str) -> Result<f64, String> {
 /// The longest delay that is taken for one, µs.
 const LONGEST_DELAY_US: u32 = 1_000_000;
 
-fn reply_delay(text: &str) -> Result<(Option<u8>, u32), String> {
+fn reply_delay(text: &str) -> Result<(Option<Typed>, u32), String> {
     let (axis, us) = text.split_once('=').map_or((None, text), |(axis, us)| (Some(axis), us));
-    let axis = axis.map(str::parse).transpose().ok();
-    let axis = axis.filter(|axis| axis.is_none_or(|axis| usize::from(axis) < gateway::MAX_AXES));
+    let axis = axis.map_or(Some(None), |axis| typed(axis, gateway::MAX_AXES).map(Some));
     let us = us.parse().ok().filter(|us| *us <= LONGEST_DELAY_US);
     axis.zip(us).ok_or_else(|| {
         format!(
-            "takes microseconds, 0 to {LONGEST_DELAY_US}, or AXIS=MICROSECONDS with axes 0 to 31"
+            "takes microseconds, 0 to {LONGEST_DELAY_US}, or AXIS=MICROSECONDS with axes 0 to 31 \
+             or their names"
         )
     })
 }
 
-fn foreign(text: &str) -> Result<(u8, u32), String> {
-    let parts = text.split_once('=');
-    let parsed = parts.and_then(|(bus, frames)| Some((bus.parse().ok()?, frames.parse().ok()?)));
-    parsed
-        .filter(|(bus, frames)| usize::from(*bus) < gateway::MAX_BUSES && *frames <= 100_000)
-        .ok_or_else(|| "takes BUS=FRAMES_S, bus 0 to 3, 0 to 100000 frames a second".to_owned())
+fn foreign(text: &str) -> Result<(Typed, u32), String> {
+    let parts = text
+        .split_once('=')
+        .and_then(|(bus, frames)| Some((typed(bus, gateway::MAX_BUSES)?, frames.parse().ok()?)));
+    parts.filter(|(_, frames)| *frames <= 100_000).ok_or_else(|| {
+        "takes BUS=FRAMES_S, bus 0 to 3 or its name, 0 to 100000 frames a second".to_owned()
+    })
 }
 
 pub fn host_line(text: &str) -> Result<HostLine, String> {

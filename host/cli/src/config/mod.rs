@@ -228,7 +228,7 @@ impl Configuration {
     }
 
     /// Whether it has such a row.
-    fn has(&self, row: Subject) -> bool {
+    pub fn has(&self, row: Subject) -> bool {
         match row {
             Subject::Gateway => true,
             Subject::Bus(bus) => self.buses.contains_key(&bus),

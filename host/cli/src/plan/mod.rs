@@ -9,13 +9,14 @@ use std::time::Duration;
 
 use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, PERIOD_US, Set};
 use host_protocol::{
-    AxisParameter, BusKind, MAX_CYCLE_AXES, Protocol, StateFields, cycle_event_bytes,
+    AxisParameter, BusKind, MAX_CYCLE_AXES, Protocol, StateFields, Subject, cycle_event_bytes,
     cycle_frame_bytes,
 };
 
 use crate::args::{HostLine, PlanArgs};
 use crate::config::{self, BoardPorts, Configuration};
 use crate::failure::Failure;
+use crate::names::Names;
 use crate::output::Output;
 use delays::Planned;
 pub use print::to_json as plan_to_json;
@@ -217,36 +218,38 @@ fn premises(
     configuration: &Configuration,
     out: Output,
 ) -> Result<Premises, Failure> {
+    let names = Names::from(configuration);
+    let there = |number, row| match configuration.has(row) {
+        true => Ok(number),
+        false => {
+            let path = &arguments.source.path;
+            Err(Failure::Usage(format!("{row} is named, and {path} does not have it")))
+        }
+    };
+    let bus = |typed| names.find_bus(typed).and_then(|bus| there(bus, Subject::Bus(bus)));
+    let axis = |typed| names.find_axis(typed).and_then(|axis| there(axis, Subject::Axis(axis)));
+    let serial = arguments.rs485.iter().map(bus).collect::<Result<Vec<_>, _>>()?;
     let mut kinds = [BusKind::Can; MAX_BUSES];
     for (bus, kind) in (0..).zip(&mut kinds) {
         let bitrate = configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate);
         let is_serial = bitrate > FASTEST_CAN || bitrate > 0 && bitrate.is_multiple_of(BAUD_STEP);
-        if is_serial || arguments.rs485.contains(&bus) {
+        if is_serial || serial.contains(&bus) {
             *kind = BusKind::Rs485;
         }
     }
-    let named = arguments.rs485.iter().chain(arguments.foreign.iter().map(|(bus, _)| bus));
-    if let Some(bus) = named.copied().find(|bus| !configuration.buses.contains_key(bus)) {
-        let path = &arguments.source.path;
-        return Err(Failure::Usage(format!("bus {bus} is named, and {path} does not have it")));
-    }
     let mut foreign = [0; MAX_BUSES];
-    for (bus, frames) in arguments.foreign.iter().copied() {
-        if kinds.get(usize::from(bus)) != Some(&BusKind::Can) {
+    for (typed, frames) in &arguments.foreign {
+        let bus = bus(typed)?;
+        if kinds.get(usize::from(bus)) == Some(&BusKind::Rs485) {
             let text = format!("bus {bus} is RS485: there nobody else talks. --foreign is for CAN");
             return Err(Failure::Usage(text));
         }
-        foreign[usize::from(bus)] = frames;
-    }
-    let told = arguments.reply_delays.iter().filter_map(|(axis, _)| *axis);
-    let told = told.chain(arguments.models.iter().map(|(axis, _)| *axis));
-    let mut told = told.chain(arguments.impedance.iter().copied());
-    if let Some(axis) = told.find(|axis| !configuration.axes.contains_key(axis)) {
-        let path = &arguments.source.path;
-        return Err(Failure::Usage(format!("axis {axis} is named, and {path} does not have it")));
+        // A bus that no gateway has is found when the file is looked at.
+        foreign.get_mut(usize::from(bus)).into_iter().for_each(|foreign| *foreign = *frames);
     }
     let mut impedance = Set::NONE;
-    for axis in arguments.impedance.iter().copied() {
+    for typed in &arguments.impedance {
+        let axis = axis(typed)?;
         let number = |parameter| configuration.axes.get(&axis)?.get(&parameter)?.as_unsigned();
         let is_rmd = number(AxisParameter::Protocol) == Some(Protocol::Rmd.number().into());
         let bus = number(AxisParameter::Bus).and_then(|bus| usize::try_from(bus).ok());
@@ -263,14 +266,17 @@ fn premises(
         ..Assumptions::DEFAULT
     };
     let mut stated = Set::NONE;
-    let planned = Planned { configuration, kinds: &kinds, models: &arguments.models };
+    let models = arguments.models.iter().map(|(typed, model)| Ok((axis(typed)?, model.clone())));
+    let models = models.collect::<Result<Vec<_>, Failure>>()?;
+    let planned = Planned { configuration, kinds: &kinds, models: &models };
     let measured = arguments.delays.as_ref().map(|source| delays::read(source, &planned));
     let measured = measured.transpose()?.unwrap_or_default();
     measured.notes.iter().for_each(|note| out.aside(note));
     let measured = measured.delays.into_iter().map(|(axis, us)| (Some(axis), us));
-    let mut given: Vec<(Option<u8>, u32)> = arguments.reply_delays.clone();
+    let given = arguments.reply_delays.iter();
+    let given = given.map(|(typed, us)| Ok((typed.as_ref().map(axis).transpose()?, *us)));
+    let given = given.collect::<Result<Vec<_>, Failure>>()?;
     // What is said of all goes before what is said of one.
-    given.sort_by_key(|(axis, _)| axis.is_some());
     let (of_all, of_one): (Vec<_>, Vec<_>) =
         given.into_iter().partition(|(axis, _)| axis.is_none());
     for (axis, us) in of_all.into_iter().chain(measured).chain(of_one) {

@@ -147,6 +147,42 @@ fn what_is_told_of_an_axis_is_of_one_that_is_there() {
     assert_eq!((out(&[]), out(&["--impedance", "0"])), (43.into(), 59.into()));
 }
 
+/// A name in the file stands for the number; what is unknown is answered with what there is.
+#[test]
+fn what_takes_a_number_takes_a_name_of_the_file() {
+    let text = std::fs::read_to_string(FOUR).unwrap();
+    let text = text.replace("axis = 0\n", "axis = 0\nname = \"left\"\n");
+    let text = text.replacen("bus = 0\n", "bus = 0\nname = \"arm_bus\"\n", 1);
+    let path = &file("named.toml");
+    std::fs::write(path, text).unwrap();
+    let table = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reply-delays.txt");
+    for (by_name, by_number) in [
+        (&["--impedance", "left"][..], &["--impedance", "0"][..]),
+        (&["--reply-delay", "left=400"], &["--reply-delay", "0=400"]),
+        (&["--foreign", "arm_bus=100"], &["--foreign", "0=100"]),
+        (&["--rs485", "arm_bus"], &["--rs485", "0"]),
+        (&["--delays", table, "--motor", "left=X8"], &["--delays", table, "--motor", "0=X8"]),
+    ] {
+        let of = |arguments: &[&str]| mgw(&[&["plan", path], arguments].concat());
+        let (named, numbered) = (of(by_name), of(by_number));
+        assert_eq!(
+            (named.code, &named.stdout, &named.stderr),
+            (numbered.code, &numbered.stdout, &numbered.stderr)
+        );
+        assert!(named.code != Some(2), "{named:?}");
+    }
+    for (arguments, said) in [
+        (&["--impedance", "right"][..], "no axis is called `right`; there are: left (0)"),
+        (&["--reply-delay", "right=5"], "no axis is called `right`; there are: left (0)"),
+        (&["--foreign", "left=5"], "no bus is called `left`; there are: arm_bus (0)"),
+        (&["--rs485", "left"], "no bus is called `left`; there are: arm_bus (0)"),
+        (&["--delays", table, "--motor", "right=X8"], "no axis is called `right`; there are"),
+    ] {
+        let told = mgw(&[&["plan", path], arguments].concat()).failure(2);
+        assert!(told.contains(said), "{told}");
+    }
+}
+
 #[test]
 fn a_slow_bus_is_told_which_bitrate_it_needs() {
     let text = std::fs::read_to_string(EIGHT).unwrap().replace("1_000_000", "250_000");
@@ -195,7 +231,7 @@ fn bad_input_is_told_from_a_plan_that_does_not_hold() {
         (&[EIGHT, "--rate", "nan"], "0.001 to 1000000"),
         (&[EIGHT, "--reply-delay", "32=5"], "axes 0 to 31"),
         (&[EIGHT, "--reply-delay=-1"], "0 to 1000000"),
-        (&[EIGHT, "--reply-delay", "x=5"], "AXIS=MICROSECONDS"),
+        (&[EIGHT, "--reply-delay", "x y=5"], "AXIS=MICROSECONDS"),
         (&[EIGHT, "--foreign", "5"], "BUS=FRAMES_S"),
         (&[EIGHT, "--foreign", "3=5"], "bus 3 is named"),
         (&[FOUR, "--foreign", "2=5"], "bus 2 is RS485"),
