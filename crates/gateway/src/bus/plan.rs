@@ -121,6 +121,8 @@ pub struct AxisPlan {
     pub reads: u64,
     /// How long its motor takes to begin its reply.
     pub reply_delay: Duration,
+    /// Whether its motor is set so that it can confirm a stop; else it is never armed.
+    pub can_confirm: bool,
     /// How long a setpoint of it lives at most; `None` where it is configured without expiry.
     pub life: Option<Duration>,
     /// From the first bit of the cycle to the last bit of its reply, on a bus to itself.
@@ -240,6 +242,7 @@ impl Bus {
                 replies,
                 reads,
                 reply_delay: delay,
+                can_confirm: protocol::can_confirm(&axis.config),
                 life: (!axis.config.flag(AxisParameter::UnsafeInfiniteTtl))
                     .then(|| axis.config.ttl()),
                 answered: Duration::ZERO,

@@ -111,6 +111,7 @@ pub fn refusal(plan: &Plan, premises: &Premises, wanted: f64, changes: &[String]
         rate.map_or(none.to_owned(), |rate| format!("{:.1} Hz can be reached", held(rate)));
     let slowest = plan.slowest_rate(premises);
     let reached = match plan.axes() {
+        _ if let Some(error) = plan.never_armed().next() => error.to_string(),
         axes if axes > MAX_CYCLE_AXES => {
             format!("one cycle has at most {MAX_CYCLE_AXES} axes, and these are {axes}")
         }

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, PERIOD_US, Set};
 use host_protocol::{
-    AxisParameter, BusKind, MAX_CYCLE_AXES, Protocol, StateFields, Subject, cycle_event_bytes,
-    cycle_frame_bytes,
+    AxisParameter, BusKind, Error, MAX_CYCLE_AXES, Protocol, StateFields, Subject,
+    cycle_event_bytes, cycle_frame_bytes,
 };
 
 use crate::args::{HostLine, PlanArgs};
@@ -130,6 +130,7 @@ impl Plan {
     pub fn holds(&self, hertz: f64, premises: &Premises) -> bool {
         self.wanted_rate(premises).is_some_and(|rate| rate >= hertz)
             && self.axes() <= MAX_CYCLE_AXES
+            && self.never_armed().next().is_none()
             && hertz >= self.slowest_rate(premises)
     }
 
@@ -141,6 +142,12 @@ impl Plan {
             false => self.shortest_life,
         };
         longest.map_or(0.0, rate)
+    }
+
+    /// Why axes that take part are never armed.
+    pub fn never_armed(&self) -> impl Iterator<Item = Error> {
+        let axes = self.buses.iter().flat_map(|(_, plan)| &plan.axes);
+        axes.filter(|axis| !axis.can_confirm).map(|axis| Error::CannotConfirm { axis: axis.axis })
     }
 
     /// How many axes take part.

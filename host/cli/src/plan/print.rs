@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::{Plan, Premises, held, rate, std_time};
 use crate::args::HostLine;
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::output::Output;
 use crate::table::Table;
@@ -42,6 +43,9 @@ pub fn plan(
             longest.as_micros()
         ))?,
         _ => out.text("Cycle: none, a bus has no time left")?,
+    }
+    for error in plan.never_armed() {
+        out.text(format!("never armed: {error} {}", Page::DoesNotArm))?;
     }
     for (bus, plan) in &plan.buses {
         for axis in plan.axes.iter().filter(|axis| axis.reply_within > plan.reply_window) {
@@ -178,6 +182,7 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
                 "axis": axis.axis, "request_bits": axis.request_bits,
                 "reply_bits": axis.reply_bits, "replies": axis.replies, "reads": axis.reads,
                 "reply_delay_us": us(axis.reply_delay),
+                "can_confirm": axis.can_confirm,
                 "reply_delay_stated": premises.stated_delays.has(axis.axis),
                 "answered_us": us(axis.answered), "reply_within_us": us(axis.reply_within),
                 "stop_alone_us": axis.stop_alone.map(us),

@@ -131,6 +131,35 @@ fn a_rate_that_no_gateway_takes_does_not_hold() {
     assert_eq!((&axis["stop_alone_us"], &axis["stop_together_us"]), (&Value::Null, &Value::Null));
 }
 
+/// Such axes can be configured, and no gateway arms them.
+#[test]
+fn an_axis_that_is_never_armed_is_told_and_no_rate_holds_with_it() {
+    let text = std::fs::read_to_string(FOUR).unwrap();
+    let words = ["plan", "-", "--rate", "10"];
+    let said = "could not confirm a stop";
+    for (axis, node, key) in [(1, "thruster", "return_mode = 256"), (2, "d5", "d5_ack_level = 0")] {
+        let protocol = format!("protocol = \"{node}\"\n");
+        let mute = text.replacen(&protocol, &format!("{protocol}{key}\n"), 2);
+        let named = format!("the motor of axis {axis} is set so that it {said}");
+        let outcome = mgw_reading(&["plan", "-"], mute.as_str());
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        assert!(outcome.stdout.contains(&format!("never armed: {named}")), "{outcome:?}");
+        let told = mgw_reading(&words, mute.as_str()).failure(1);
+        assert!(told.contains(&format!("10 Hz do not hold: {named}")), "{told}");
+        let outcome = mgw_reading(&["--json", "plan", "-"], mute.as_str());
+        let plan = &json(&outcome.stdout)["plan"];
+        let axes = plan["buses"].as_array().unwrap().iter();
+        let axes = axes.flat_map(|bus| bus["axes"].as_array().unwrap());
+        let mute: Vec<u64> = axes
+            .filter(|axis| axis["can_confirm"] == false)
+            .map(|axis| axis["axis"].as_u64().unwrap())
+            .collect();
+        assert_eq!(mute, [axis]);
+    }
+    let outcome = mgw_reading(&words, text.as_str());
+    assert!(outcome.code == Some(0) && !outcome.stdout.contains(said), "{outcome:?}");
+}
+
 #[test]
 fn what_is_told_of_an_axis_is_of_one_that_is_there() {
     for (arguments, said) in [
