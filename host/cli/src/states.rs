@@ -19,7 +19,7 @@ const STALE: &str = "*";
 pub const ALL: StateFields = StateFields::of(StateField::ALL);
 
 /// What stands above a field.
-fn heading(field: StateField) -> &'static str {
+pub fn heading(field: StateField) -> &'static str {
     match field {
         StateField::Position => ">position rad",
         StateField::Velocity => ">velocity rad/s",
@@ -122,12 +122,14 @@ fn steady(state: AxisState) -> String {
     format!("{:<WIDTH$}", words::axis_state(state))
 }
 
-fn reading(field: StateField, reading: Option<Reading>) -> String {
+/// A reading in the digits of its field, marked where it is old.
+pub fn reading(field: StateField, reading: Option<Reading>) -> String {
     let digits = digits(field);
     or_nothing(reading.map(|reading| format!("{:.digits$}{}", reading.value, mark(reading.age_us))))
 }
 
-fn faults(faults: Option<FaultReading>) -> String {
+/// A fault word likewise.
+pub fn faults(faults: Option<FaultReading>) -> String {
     match faults {
         None => NOTHING.to_owned(),
         Some(FaultReading { word: 0, age_us, .. }) => format!("none{}", mark(age_us)),

@@ -1,9 +1,13 @@
 //! `mgw cycle`
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use gateway::PERIOD_US;
-use host_protocol::{AxisState, CycleEvent, MAX_CYCLE_AXES, Overruns, Quantity, StateFields};
+use host_protocol::{
+    AxisState, CycleMessage, CycleState, FaultReading, MAX_CYCLE_AXES, Overruns, Quantity, Reading,
+    SlowState, StateField, StateFields,
+};
 use mgw_client::{Client, Hold, Round, Transport};
 use serde_json::json;
 
@@ -16,13 +20,13 @@ use crate::failure::Failure;
 use crate::json;
 use crate::output::Output;
 use crate::session::{EVENTS_AT_ONCE, Session, print_events};
+use crate::states;
 use crate::table::Table;
 use crate::words::{self, or_nothing};
 
 /// Between two printed periods.
 const PRINT_EVERY: Duration = Duration::from_millis(200);
-const HEADINGS: [&str; 7] =
-    [">period", ">axis", "state", "setpoint", ">position rad", ">velocity rad/s", ">current A"];
+const HEADINGS: [&str; 4] = [">period", ">axis", "state", "setpoint"];
 
 /// Arms axes, has the gateway drive them in a period of its own, prints how they are, and stops
 /// them.
@@ -46,9 +50,10 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
     let period = Duration::try_from_secs_f64(1.0 / arguments.rate).unwrap_or(Duration::MAX);
     let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
     Quantity::Period.check(period_us, PERIOD_US).map_err(limits::refusal)?;
-    let mut periods = Periods::new(session);
+    let fields = StateFields::of(&arguments.fields);
+    let mut periods = Periods::new(session, fields);
     let stopped = while_armed(session, &axes, |session, armed| {
-        session.client.run_cycle(&axes, StateFields::of(&arguments.fields), period)?;
+        session.client.run_cycle(&axes, fields, period)?;
         let with_setpoint = |(armed, target): (&ArmedAxis, &CycleTarget)| {
             let ArmedAxis { axis, epoch, ttl } = *armed;
             Hold { axis, epoch, setpoint: target.setpoint, ttl }
@@ -68,20 +73,32 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
 /// What was told of the periods so far.
 struct Periods {
     out: Output,
+    fields: StateFields,
     /// When one is printed next.
     next: Duration,
     widths: Vec<usize>,
     /// How many were told of, and the last of them.
     told: u64,
-    last: Option<CycleEvent>,
+    last: Option<CycleMessage>,
+    /// What was told last of each axis in turns, and when, µs.
+    slow: BTreeMap<u8, (SlowState, u64)>,
     latest_us: u32,
     failure: Option<Failure>,
 }
 
 impl Periods {
-    fn new(session: &Session) -> Self {
-        let (out, next) = (session.out, session.client.now());
-        Self { out, next, widths: Vec::new(), told: 0, last: None, latest_us: 0, failure: None }
+    fn new(session: &Session, fields: StateFields) -> Self {
+        Self {
+            out: session.out,
+            fields,
+            next: session.client.now(),
+            widths: Vec::new(),
+            told: 0,
+            last: None,
+            slow: BTreeMap::new(),
+            latest_us: 0,
+            failure: None,
+        }
     }
 
     /// One round of the hold.
@@ -100,19 +117,21 @@ impl Periods {
             let Some(message) = client.poll_cycle(Duration::ZERO)? else { break };
             self.told += 1;
             self.latest_us = self.latest_us.max(message.event.late_us);
-            self.last = Some(message.event);
+            self.slow.extend(message.event.slow.map(|slow| (slow.axis, (slow, message.time_us))));
+            self.last = Some(message);
         }
         let axes: Vec<u8> = armed.iter().map(|armed| armed.axis).collect();
         if let Some(tripped) = print_events(client, &axes, self.out)? {
             return Ok(Some(tripped));
         }
-        let Some(event) = self.last.clone().filter(|_| client.now() >= self.next) else {
+        let Some(message) = self.last.clone().filter(|_| client.now() >= self.next) else {
             return Ok(None);
         };
         self.next = client.now() + PRINT_EVERY;
-        self.print(&event)?;
+        self.print(&message)?;
         let is_armed = |state| matches!(state, AxisState::Armed | AxisState::Active);
-        let lost = event.states().find(|state| !is_armed(state.state)).map(|state| state.axis);
+        let lost =
+            message.event.states().find(|state| !is_armed(state.state)).map(|state| state.axis);
         let Some(lost) = armed.iter().find(|armed| Some(armed.axis) == lost) else {
             return Ok(None);
         };
@@ -120,30 +139,43 @@ impl Periods {
         Ok(no_longer_armed(&report, lost.epoch, self.out.motors))
     }
 
-    fn print(&mut self, event: &CycleEvent) -> Result<(), Failure> {
-        let mut table = Table::new(&HEADINGS);
-        let cell = |value: Option<f32>| or_nothing(value.map(|value| format!("{value:.3}")));
-        for state in event.states() {
-            table.row([
-                event.period.to_string(),
+    fn print(&mut self, message: &CycleMessage) -> Result<(), Failure> {
+        let slow: BTreeMap<u8, SlowState> = self
+            .slow
+            .iter()
+            .map(|(axis, (slow, told_us))| {
+                (*axis, aged(slow, message.time_us.saturating_sub(*told_us)))
+            })
+            .collect();
+        let headings = self.fields.iter().map(states::heading);
+        let headings: Vec<&str> = HEADINGS.into_iter().chain(headings).collect();
+        let mut table = Table::new(&headings);
+        for state in message.event.states() {
+            let slow = slow.get(&state.axis);
+            let mut row = vec![
+                message.event.period.to_string(),
                 state.axis.to_string(),
                 words::axis_state(state.state).to_owned(),
                 state.result.to_string(),
-                cell(state.position_rad),
-                cell(state.velocity_rad_s),
-                cell(state.current_a),
-            ]);
+            ];
+            row.extend(self.fields.iter().map(|field| cell(field, &state, slow)));
+            table.row(row);
         }
         let skipped = usize::from(!self.widths.is_empty());
         for line in table.lines_in(&mut self.widths).iter().skip(skipped) {
             self.out.text(line)?;
         }
-        self.out.object(&json::line("period", json::cycle::period(event)))
+        let mut value = json::line("period", json::cycle::period(&message.event));
+        let motors = self.out.motors;
+        value["slow"] =
+            slow.values().map(|slow| json::axis::slow(slow, motors.of(slow.axis))).collect();
+        self.out.object(&value)
     }
 
     /// How it went.
     fn tell_end(&self, session: &Session) -> Result<(), Failure> {
         let Some(last) = &self.last else { return Ok(()) };
+        let last = &last.event;
         let Overruns { bus, motor, host, gateway } = last.overruns;
         let text = format!(
             "{} of {} periods told; the latest began {} µs late, jitter {} µs; longer than they \
@@ -159,5 +191,35 @@ impl Periods {
         let mut fields = json::cycle::period(last);
         json::extend(&mut fields, json!({ "told": self.told, "latest_us": self.latest_us }));
         session.out.event("cycle_ended", text, fields)
+    }
+}
+
+/// What was told of an axis in turns, so much later.
+fn aged(slow: &SlowState, since_us: u64) -> SlowState {
+    let since_us = u32::try_from(since_us).unwrap_or(u32::MAX);
+    let aged = |age_us: u32| age_us.saturating_add(since_us);
+    let reading = |of: Reading| Reading { age_us: aged(of.age_us), ..of };
+    SlowState {
+        axis: slow.axis,
+        voltage_v: slow.voltage_v.map(reading),
+        motor_temperature_c: slow.motor_temperature_c.map(reading),
+        driver_temperature_c: slow.driver_temperature_c.map(reading),
+        faults: slow.faults.map(|of| FaultReading { age_us: aged(of.age_us), ..of }),
+    }
+}
+
+/// A field of an axis.
+fn cell(field: StateField, state: &CycleState, slow: Option<&SlowState>) -> String {
+    let fast = |value: Option<f32>| or_nothing(value.map(|value| format!("{value:.3}")));
+    let slow_reading =
+        |of: fn(&SlowState) -> Option<Reading>| states::reading(field, slow.and_then(of));
+    match field {
+        StateField::Position => fast(state.position_rad),
+        StateField::Velocity => fast(state.velocity_rad_s),
+        StateField::Current => fast(state.current_a),
+        StateField::Voltage => slow_reading(|slow| slow.voltage_v),
+        StateField::MotorTemperature => slow_reading(|slow| slow.motor_temperature_c),
+        StateField::DriverTemperature => slow_reading(|slow| slow.driver_temperature_c),
+        StateField::Faults => states::faults(slow.and_then(|slow| slow.faults)),
     }
 }

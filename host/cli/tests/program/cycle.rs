@@ -32,6 +32,30 @@ fn axes_of_three_protocols_are_driven_in_one_period_and_stopped() {
     assert_eq!(stopped, [0, 1, 2]);
 }
 
+/// Of voltage, temperatures and faults a period tells one axis; each has been told by and by.
+#[test]
+fn fields_that_are_told_in_turns_are_shown_of_every_axis() {
+    let sim = Sim::patient();
+    let words = ["cycle", "0", "velocity", "2", "1", "signal", "0.1", "--rate", "50"];
+    let words = [&words[..], &["--for", "1.5", "--fields", "velocity,voltage,faults"]].concat();
+    let lines = sim.mgw(&[&["--json"], &words[..]].concat()).json_lines();
+    let last = *of(&lines, "period").last().unwrap();
+    let slow = last["slow"].as_array().unwrap();
+    assert_eq!(slow.iter().map(|slow| &slow["axis"]).collect::<Vec<_>>(), [0, 1]);
+    for slow in slow {
+        assert!(slow["voltage_v"]["value"].is_f64() && slow["faults_raw"] == 0, "{slow}");
+        assert!(slow["motor_temperature_c"].is_null(), "{slow}");
+    }
+    let text = sim.mgw_once_at_rest(&words).success();
+    let heading = text.lines().find(|line| line.contains("period")).unwrap();
+    let fields: Vec<&str> = heading.split("  ").map(str::trim).filter(|s| !s.is_empty()).collect();
+    assert_eq!(fields[4..], ["velocity rad/s", "voltage V", "faults"], "{text}");
+    let mut rows = text.lines().filter(|line| line.contains(" active "));
+    let last: Vec<&str> = rows.next_back().unwrap().split_whitespace().collect();
+    assert_eq!((last.len(), last[6]), (7, "none"), "{text}");
+    assert!(last[5].parse::<f32>().is_ok_and(|volts| volts > 1.0), "{text}");
+}
+
 /// Events come faster than the shortest wait of the operating system.
 #[test]
 fn a_fast_cycle_ends_when_its_time_is_over() {
