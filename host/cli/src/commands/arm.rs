@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, Error};
 use mgw_client::{Client, ClientError, Transport};
 
@@ -13,25 +12,21 @@ use crate::session::{Session, print_events};
 
 /// Arms axes, keeps them armed for a while, and disarms them.
 pub fn run(session: &mut Session, axes: &[u8], duration: Option<Duration>) -> Result<(), Failure> {
-    let stopped = while_armed(session, axes, |session, armed| {
+    while_armed(session, axes, |session, armed| {
         if duration.is_none() {
             session.out.text("Ctrl-C disarms")?;
         }
         hold_link(session, armed, duration.unwrap_or(Duration::MAX))
     })?;
-    stopped.iter().try_for_each(|report| tell_stopped(session, report))?;
-    if !stopped.is_empty() {
-        session.out.text("disarmed")?;
-    }
-    Ok(())
+    session.out.text("disarmed")
 }
 
-/// Arms axes, has `act` do what it does with them, and stops them. Returns how they are then.
+/// Arms axes, has `act` do what it does with them, stops them, and says of each how it ended.
 pub fn while_armed(
     session: &mut Session,
     axes: &[u8],
     act: impl FnOnce(&mut Session, &[ArmedAxis]) -> Result<(), Failure>,
-) -> Result<Vec<AxisReport>, Failure> {
+) -> Result<(), Failure> {
     let mut armed = Vec::new();
     let held = arm_all(session, axes, &mut armed).and_then(|()| act(session, &armed));
     // Whatever happened above: the next frames are the stops of what was armed here, which also
@@ -98,17 +93,20 @@ fn look<T: Transport>(
     Ok(None)
 }
 
-/// Waits for the stop of every axis; the first failure is told, a trip too.
-fn await_stops(session: &mut Session, held: &[ArmedAxis]) -> Result<Vec<AxisReport>, Failure> {
-    let (mut reports, mut failure) = (Vec::new(), None);
+/// Waits for the stop of every axis and says how it ended; the first failure is told at the end, a
+/// trip too.
+fn await_stops(session: &mut Session, held: &[ArmedAxis]) -> Result<(), Failure> {
+    let mut result = Ok(());
     for ArmedAxis { axis, .. } in held.iter().copied() {
-        match session.await_stop(axis).map(|report| (report, report.state, report.trip)) {
-            Ok((_, AxisState::Tripped { .. }, Some(trip))) => {
-                failure = failure.or(Some(Failure::tripped(axis, &trip, session.out.motors)));
-            }
-            Ok((report, ..)) => reports.push(report),
-            Err(error) => failure = failure.or(Some(error)),
+        let ended = session.await_stop(axis).and_then(|report| {
+            tell_stopped(session, &report)?;
+            let trip = report.trip.filter(|_| matches!(report.state, AxisState::Tripped { .. }));
+            trip.map_or(Ok(()), |trip| Err(Failure::tripped(axis, &trip, session.out.motors)))
+        });
+        if let (Err(_), Err(further)) = (&result, &ended) {
+            session.out.aside(further.to_string());
         }
+        result = result.and(ended);
     }
-    failure.map_or(Ok(reports), Err)
+    result
 }

@@ -12,7 +12,7 @@ use mgw_client::{Client, Hold, Round, Transport};
 use serde_json::json;
 
 use super::arm::while_armed;
-use super::drive::{ArmedAxis, no_longer_armed, refuse_twice, round, tell_stopped};
+use super::drive::{ArmedAxis, end_of_hold, no_longer_armed, refuse_twice, round};
 use super::limits;
 use crate::args::{CycleArgs, CycleTarget};
 use crate::explain::Page;
@@ -52,7 +52,7 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
     Quantity::Period.check(period_us, PERIOD_US).map_err(limits::refusal)?;
     let fields = StateFields::of(&arguments.fields);
     let mut periods = Periods::new(session, fields);
-    let stopped = while_armed(session, &axes, |session, armed| {
+    let ended = while_armed(session, &axes, |session, armed| {
         session.client.run_cycle(&axes, fields, period)?;
         let with_setpoint = |(armed, target): (&ArmedAxis, &CycleTarget)| {
             let ArmedAxis { axis, epoch, ttl } = *armed;
@@ -62,12 +62,9 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
         let duration = arguments.seconds.unwrap_or(Duration::MAX);
         let held =
             session.client.hold_setpoints(&holds, duration, |client| periods.turn(client, armed));
-        periods.failure.take().map_or(held.map_err(Failure::from), Err)
+        periods.failure.take().map_or_else(|| end_of_hold(held, armed), Err)
     });
-    let told = periods.tell_end(session);
-    let stopped = stopped?;
-    told?;
-    stopped.iter().try_for_each(|report| tell_stopped(session, report))
+    ended.and(periods.tell_end(session))
 }
 
 /// What was told of the periods so far.

@@ -83,6 +83,25 @@ pub fn round(looked: Result<Option<Failure>, Failure>, failure: &mut Option<Fail
     }
 }
 
+/// How a hold of axes ended. An interrupt ends it as its time does, and a command refused because
+/// an axis was stopped says less than that.
+pub fn end_of_hold(held: Result<(), ClientError>, axes: &[ArmedAxis]) -> Result<(), Failure> {
+    match held {
+        Ok(()) | Err(ClientError::Interrupted { .. }) => Ok(()),
+        Err(ClientError::Gateway(Error::NotArmed { axis, state })) => {
+            Err(Failure::StoppedElsewhere { axis, state })
+        }
+        Err(error @ ClientError::Gateway(Error::StaleEpoch { .. })) => match *axes {
+            [ArmedAxis { axis, .. }] => {
+                Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed })
+            }
+            // Of several it does not say which.
+            _ => Err(error.into()),
+        },
+        Err(error) => Err(error.into()),
+    }
+}
+
 /// Refuses axes of which one is named twice.
 pub fn refuse_twice(axes: &[u8]) -> Result<(), Failure> {
     let mut places = axes.iter().enumerate();
@@ -162,26 +181,9 @@ impl Rounds {
         Ok(if there { ControlFlow::Break(()) } else { round })
     }
 
-    /// The end of the hold. An interrupt ends it as its time does, and a command refused because
-    /// the axis was stopped says less than that.
+    /// The end of the hold.
     pub fn end(self, held: Result<(), ClientError>) -> Result<(), Failure> {
-        if let Some(failure) = self.failure {
-            return Err(failure);
-        }
-        match held {
-            Ok(()) | Err(ClientError::Interrupted { .. }) => Ok(()),
-            Err(ClientError::Gateway(Error::NotArmed { axis, state })) => {
-                Err(Failure::StoppedElsewhere { axis, state })
-            }
-            Err(error @ ClientError::Gateway(Error::StaleEpoch { .. })) => match *self.axes {
-                [ArmedAxis { axis, .. }] => {
-                    Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed })
-                }
-                // Of several it does not say which.
-                _ => Err(error.into()),
-            },
-            Err(error) => Err(error.into()),
-        }
+        self.failure.map_or_else(|| end_of_hold(held, &self.axes), Err)
     }
 
     /// Prints the states from time to time; returns why an axis is no longer armed, if one is not.

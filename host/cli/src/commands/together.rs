@@ -7,7 +7,7 @@ use host_protocol::{Setpoint, Vec as Members};
 use mgw_client::Hold;
 
 use super::arm::while_armed;
-use super::drive::{ArmedAxis, Rounds, refuse_twice, tell_stopped};
+use super::drive::{ArmedAxis, Rounds, refuse_twice};
 use super::limits;
 use crate::args::{Target, TogetherArgs};
 use crate::failure::Failure;
@@ -22,10 +22,7 @@ pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failur
     }
     let axes: Vec<u8> = targets.iter().map(|target| target.axis).collect();
     let duration = arguments.seconds.unwrap_or(Duration::MAX);
-    let stopped = while_armed(session, &axes, |session, armed| {
-        start_and_hold(session, &targets, armed, duration)
-    })?;
-    stopped.iter().try_for_each(|report| tell_stopped(session, report))
+    while_armed(session, &axes, |session, armed| start_and_hold(session, &targets, armed, duration))
 }
 
 /// What stands on the command line: at least two axes, each once.

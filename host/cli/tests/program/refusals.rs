@@ -382,6 +382,27 @@ fn a_stop_by_another_host_is_told() {
     }
 }
 
+/// The other axes are stopped for it, and how each ended is said.
+#[test]
+fn each_axis_is_told_of_where_another_host_has_stopped_one() {
+    let sim = Sim::patient();
+    let cycle = ["cycle", "0", "velocity", "2", "2", "velocity", "2", "--rate", "50"];
+    let cycle = [&["--json"], &cycle[..], &["--for", "40"]].concat();
+    for (arguments, states) in
+        [(&cycle[..], &["active"][..]), (&["--json", "arm", "0", "2", "--for", "40"], &["armed"])]
+    {
+        let outcome = sim.mgw_beside(arguments, "2", states, || {
+            sim.mgw_once_connected(&["stop", "2"]).success();
+        });
+        let lines: Vec<Value> = outcome.stdout.lines().map(json).collect();
+        let stopped = lines.iter().filter(|line| line["event"] == "stopped");
+        let stopped: Vec<&Value> = stopped.map(|line| &line["axis"]).collect();
+        assert_eq!(stopped, [0, 2], "{lines:?}");
+        let error = error(outcome, 1);
+        assert_eq!((&error["name"], &error["axis"]), (&"stopped_elsewhere".into(), &2.into()));
+    }
+}
+
 #[test]
 fn an_axis_that_is_not_configured_is_not_removed() {
     let sim = Sim::start();
