@@ -55,8 +55,11 @@ struct Bench<'a> {
 /// Measures, and prints.
 pub fn run(session: &mut Session, arguments: &BenchArgs) -> Result<(), Failure> {
     let axes = axes(session, arguments)?;
-    ask(session, arguments, &axes)?;
     let bench = Bench::new(session, arguments, &axes)?;
+    for axis in &axes {
+        commands::check_setpoint(session, *axis, bench.setpoint(*axis).setpoint)?;
+    }
+    ask(session, arguments, &axes)?;
     let rounds = arguments.rounds;
     let ping = measure(session, rounds, |session| Ok(session.client.ping()?))?;
     let read_state = measure(session, rounds, |session| {

@@ -27,6 +27,7 @@ mod watch;
 
 pub use drive::{ArmedAxis, refuse_twice, state_line, tell_armed};
 pub use info::e_stop as e_stop_text;
+pub use limits::check_setpoint;
 pub use motor::set_id as set_motor_id;
 pub use native::motor as motor_of;
 pub use raw::recorded_frame;
