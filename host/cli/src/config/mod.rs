@@ -12,6 +12,7 @@ mod template;
 use std::collections::BTreeMap;
 use std::fmt;
 
+use gateway::{BusPort, BusPortKind};
 use host_protocol::{
     AxisParameter, BusConfig, Change, Error, GatewayParameter, MAX_NAME, ParameterInfo, Protocol,
     ProtocolSet, Subject, Text, Value, is_name,
@@ -366,7 +367,13 @@ fn bus_key(name: &str, text: &str) -> Result<BusKey, Failure> {
     };
     let number = || parameters::unsigned(text);
     match name {
-        "bitrate" => number().map(BusKey::Bitrate).ok_or_else(|| wrong("a number of bit/s")),
+        "bitrate" => {
+            let bitrate = number().filter(|bitrate| *bitrate > 0);
+            bitrate.map(BusKey::Bitrate).ok_or_else(|| {
+                let [can, rs485] = [true, false].map(usual_bitrates);
+                wrong(&format!("bit/s above 0, as a rule {can} on CAN, or {rs485} on RS485"))
+            })
+        }
         "protocols" => protocols(text.split(',')).map(BusKey::Protocols),
         "exclusive" => text.parse().map(BusKey::Exclusive).map_err(|_| wrong("true or false")),
         "reply_window_us" => {
@@ -376,6 +383,14 @@ fn bus_key(name: &str, text: &str) -> Result<BusKey, Failure> {
         }
         _ => Err(parameters::unknown("a bus", name, BUS_KEYS.into_iter().chain([NAME]))),
     }
+}
+
+/// The bitrates of CAN buses, or of the others, on the boards that there are.
+fn usual_bitrates(of_can: bool) -> String {
+    let is_can = |port: &BusPort| matches!(port.kind, BusPortKind::Can);
+    let port = mgw_sim::BOARD.buses.iter().find(|port| is_can(port) == of_can);
+    let rates = port.map_or(&[][..], |port| port.bitrates);
+    rates.iter().map(u32::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn protocols<'a>(names: impl Iterator<Item = &'a str>) -> Result<ProtocolSet, Failure> {

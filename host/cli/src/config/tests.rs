@@ -131,6 +131,16 @@ node = 3
     }
 }
 
+#[test]
+fn a_bitrate_of_zero_is_answered_with_those_that_there_are() {
+    assert_eq!(
+        wrong("[[bus]]\nbus = 0\nbitrate = 0\nprotocols = [\"rmd\"]\n"),
+        ["a.toml: line 3, bus 0: `0` is no value for bitrate of a bus. It takes bit/s above 0, \
+             as a rule 1000000, 500000, 250000, 210526 on CAN, or 115200, 500000, 1000000, \
+             1500000, 2000000 on RS485"]
+    );
+}
+
 /// A name is told to be wrong with its line; of two rows of a kind with one name the second.
 #[test]
 fn names_that_cannot_be_are_told_with_their_lines() {

@@ -68,7 +68,11 @@ fn nothing_is_armed_without_a_yes_or_on_bad_input() {
         (&["bench", "--yes", "--rounds", "1"], 2, "10..=1000000"),
         (&["bench", "--yes", "--velocity", "inf"], 2, "--velocity takes a number"),
         (&["bench", "--yes", "--host", "9"], 2, "1200 to 20000000"),
-        (&["bench", "0", "--yes", "--rounds", "10", "--velocity", "1000"], 1, "are -30 rad/s to 30"),
+        (
+            &["bench", "0", "--yes", "--rounds", "10", "--velocity", "1000"],
+            1,
+            "are -30 rad/s to 30",
+        ),
         (&["bench", "0", "--yes", "--rounds", "10", "--svg", "/nowhere/x"], 1, "/nowhere/x"),
     ] {
         let error = sim.mgw_once_in_command(arguments).failure(code);
