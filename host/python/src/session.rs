@@ -50,6 +50,14 @@ pub struct Session {
     closed: AtomicBool,
     /// What a signal handler has asked for in the call under way.
     asked: AtomicU8,
+    /// The stops of one axis that wait for a call; a hold sends them.
+    stops: Mutex<Vec<Arc<AxisStop>>>,
+}
+
+/// The stop of one axis, and what came of it once it has been sent.
+struct AxisStop {
+    axis: u8,
+    outcome: Mutex<Option<Result<(), ClientError>>>,
 }
 
 impl Session {
@@ -77,6 +85,7 @@ impl Session {
             lasts: AtomicBool::new(false),
             closed: AtomicBool::new(false),
             asked: AtomicU8::new(ASKED_NOTHING),
+            stops: Mutex::default(),
         })
     }
 
@@ -194,11 +203,7 @@ impl Session {
         if let Some(guard) = self.client.try_lock() {
             return Ok(guard);
         }
-        if self.owner.load(Ordering::Acquire) == this_thread() {
-            let text = "a signal handler cannot use the session whose call it interrupts; only \
-                stop(), estop() and close() work there";
-            return Err(found("Reentered", text));
-        }
+        self.refuse_reentry()?;
         loop {
             if is_urgent && self.lasts.load(Ordering::Acquire) {
                 self.signals.interrupt.raise();
@@ -209,6 +214,45 @@ impl Session {
             }
             if looks {
                 Python::attach(|py| py.check_signals())?;
+            }
+        }
+    }
+
+    fn refuse_reentry(&self) -> Result<(), Failed> {
+        if self.owner.load(Ordering::Acquire) != this_thread() {
+            return Ok(());
+        }
+        let text = "a signal handler cannot use the session whose call it interrupts; only \
+            stop(), estop() and close() work there";
+        Err(found("Reentered", text))
+    }
+
+    /// Sends a stop, unless a hold of another thread does.
+    fn send(&self, stop: &AxisStop, looks: bool) -> Result<(), Failed> {
+        self.refuse_reentry()?;
+        loop {
+            let client = self.client.try_lock_for(LOOK_EVERY);
+            if let Some(outcome) = stop.outcome.lock().take() {
+                return Ok(outcome?);
+            }
+            if let Some(mut client) = client {
+                let target = StopTarget::Axis(stop.axis);
+                return self.done(&mut client, looks, true, |client| Ok(client.stop(target)?));
+            }
+            if looks {
+                Python::attach(|py| py.check_signals())?;
+            }
+        }
+    }
+
+    /// Sends the stops that wait.
+    fn send_waiting(&self, client: &mut Inner) {
+        let waiting = std::mem::take(&mut *self.stops.lock());
+        for stop in waiting {
+            let outcome = client.stop(StopTarget::Axis(stop.axis));
+            // An interrupt ends the hold, and who waits sends it.
+            if !matches!(outcome, Err(ClientError::Interrupted { .. })) {
+                *stop.outcome.lock() = Some(outcome);
             }
         }
     }
@@ -380,7 +424,10 @@ impl Session {
         };
         let holds: Vec<Hold> = setpoints.iter().map(hold).collect();
         self.run(py, |client| {
-            let each_round = |_: &mut Inner| Ok(ControlFlow::Continue(()));
+            let each_round = |client: &mut Inner| {
+                self.send_waiting(client);
+                Ok(ControlFlow::Continue(()))
+            };
             Ok(client.hold_setpoints(&holds, duration, each_round)?)
         })
     }
@@ -497,8 +544,16 @@ impl Session {
         })
     }
 
+    /// Stops one axis; the hold that another thread has under way sends it, and goes on with its
+    /// others.
     fn stop_axis(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.stop(StopTarget::Axis(axis))?))
+        self.check_process()?;
+        let looks = is_main_thread(py)?;
+        let stop = Arc::new(AxisStop { axis, outcome: Mutex::default() });
+        self.stops.lock().push(stop.clone());
+        let sent = py.detach(|| self.send(&stop, looks));
+        self.stops.lock().retain(|of| !Arc::ptr_eq(of, &stop));
+        Ok(sent?)
     }
 
     fn clear(&self, py: Python<'_>, axis: Option<u8>) -> PyResult<()> {

@@ -284,6 +284,36 @@ def test_a_stop_of_another_thread_waits_for_nothing(served: Simulator) -> None:
         assert state.trip is None
 
 
+def test_a_stop_of_one_axis_goes_out_in_a_hold_of_another_thread(served: Simulator) -> None:
+    with served.connect() as gateway:
+        motors = gateway.arm(0)
+        gateway.arm(2)
+        ended: List[GatewayError] = []
+
+        def turn() -> None:
+            try:
+                motors.hold([make_velocity(0, 2.0)], PATIENCE_S)
+            except GatewayError as error:
+                ended.append(error)
+
+        thread = threading.Thread(target=turn)
+        thread.start()
+        while served.motors()[0]["velocity_rad_s"] < 1.0:
+            time.sleep(0.01)
+        # Who is refused hears of it, and the hold goes on.
+        with pytest.raises(GatewayError):
+            gateway.stop(99)
+        # So it does where another axis is stopped.
+        gateway.stop(2)
+        assert look(served, 0).state == "active" and look(served, 2).state != "armed"
+        assert thread.is_alive()
+        gateway.stop(0)
+        thread.join(PATIENCE_S)
+        assert not thread.is_alive() and [error.name for error in ended] == ["NotArmed"]
+        [state] = gateway.wait_until_stopped(0)
+        assert state.trip is None
+
+
 def test_a_stop_leaves_who_only_listens_alone(served: Simulator) -> None:
     with served.connect() as gateway:
         told: List[str] = []

@@ -210,8 +210,9 @@ class Gateway:
         """Runs the stop action of an axis, or of all.
 
         The stop of all waits for no call of another thread: it ends that call, unless that only
-        listens, and may be used in a signal handler. That of one axis waits for its turn. Needs no
-        authority.
+        listens, and may be used in a signal handler. That of one axis goes out in the middle of a
+        ``hold`` of another thread, which ends with an error if it holds that axis, and waits for
+        every other call. Needs no authority.
         """
         if axis is None:
             self._session.stop_all()
