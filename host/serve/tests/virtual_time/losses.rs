@@ -40,7 +40,7 @@ fn losses_on_the_cable_take_neither_command_nor_setpoints_from_who_holds_an_axis
     assert!(bench.now() - asked < 10 * MS);
 }
 
-/// Nine of ten stops are lost, and each is another request: one that comes through is answered.
+/// Sixty stops are lost, and each is another request: the one that comes through is answered.
 #[test]
 fn the_result_of_a_stop_comes_back_although_many_before_it_were_lost() {
     let bench = Bench::new();
