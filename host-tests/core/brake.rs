@@ -4,7 +4,7 @@ use crate::bench::{
     self, COAST, HOLD, VELOCITY, assert_tripped, e_stop, listed, move_axis, outcomes,
     run_with_host, stop,
 };
-use crate::rig::Instead;
+use crate::rig::{Instead, Rig};
 use host_protocol::{
     AxisParameter, AxisState, Error, Event as HostEvent, Request, StopAction, StopTarget,
     TripReason, Value, requests,
@@ -222,15 +222,20 @@ fn a_brake_command_that_is_not_answered_is_followed_by_the_stop_in_less_than_200
     }
 }
 
+/// Moves the motor and stops it, until its brake has been told to lock.
+fn stop_until_locking(rig: &mut Rig) {
+    move_axis(rig, VELOCITY);
+    stop(rig);
+    while !rig.sent_since(0, 0).contains(&LOCK) {
+        rig.run(1_000);
+    }
+}
+
 #[test]
 fn an_e_stop_while_the_brake_is_being_locked_is_sent_in_less_than_200_ms() {
     let (mut rig, _) = bench::rmd(StopAction::Brake);
     rig.instead(|text| if text == LOCK { Instead::Nothing } else { Instead::AsUsual });
-    move_axis(&mut rig, VELOCITY);
-    stop(&mut rig);
-    while !rig.sent_since(0, 0).contains(&LOCK) {
-        rig.run(1_000);
-    }
+    stop_until_locking(&mut rig);
     rig.run(1_000);
     let since = rig.now_us;
     e_stop(&mut rig);
@@ -245,11 +250,7 @@ fn a_brake_that_locks_unseen_is_told_again_and_its_motor_asked_all_the_time() {
     for presses in [0, 1, 4] {
         let (mut rig, _) = bench::rmd(StopAction::Brake);
         bench::parameter(&mut rig, 0, AxisParameter::AllowUnverifiedBrake, Value::Bool(true));
-        move_axis(&mut rig, VELOCITY);
-        stop(&mut rig);
-        while !rig.sent_since(0, 0).contains(&LOCK) {
-            rig.run(1_000);
-        }
+        stop_until_locking(&mut rig);
         rig.run(5_000);
         let since = rig.now_us;
         for press in 0..presses {

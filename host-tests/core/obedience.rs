@@ -2,6 +2,7 @@
 //! (PROTOCOL-NOTES R26, R30).
 
 use crate::bench::{self, VELOCITY, arm, assert_tripped, keep_moving, listed};
+use crate::motors::Shared;
 use crate::rig::{Instead, Rig};
 use host_protocol::{AxisParameter, AxisState, Setpoint, StopAction, TripReason, Value};
 
@@ -12,14 +13,18 @@ const REST: Setpoint = Setpoint::Velocity { velocity_rad_s: 0.0 };
 /// An RMD, cold and at its zero point, that answers a speed of 0 by zeros.
 fn cold(turning: bool) -> (Rig, u32) {
     let (mut rig, play) = bench::rmd(StopAction::Hold);
-    let epoch = arm(&mut rig);
-    keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
-    play.borrow_mut().turning = turning;
-    rig.instead(|text| match text {
-        "141#A200000000000000" => Instead::Says("241#A200000000000000"),
-        _ => Instead::AsUsual,
-    });
+    let rest = ["141#A200000000000000", "241#A200000000000000"];
+    let epoch = echoing(&mut rig, &play, turning, rest);
     (rig, epoch)
+}
+
+/// Moves the motor, which from then on turns or stands and answers a speed of 0 so; the epoch.
+fn echoing(rig: &mut Rig, play: &Shared, turning: bool, [asked, answer]: [&'static str; 2]) -> u32 {
+    let epoch = arm(rig);
+    keep_moving(rig, &[(0, epoch)], VELOCITY, 100_000);
+    play.borrow_mut().turning = turning;
+    rig.instead(move |text| if text == asked { Instead::Says(answer) } else { Instead::AsUsual });
+    epoch
 }
 
 #[test]
@@ -57,13 +62,8 @@ fn a_motor_as_warm_as_its_torque_cap_is_asked_whether_it_stands() {
         play.borrow_mut().dialect = V4_4;
         bench::parameter(&mut rig, 0, AxisParameter::RmdDialect, Value::Unsigned(V4_4));
         bench::parameter(&mut rig, 0, AxisParameter::TorqueCap, Value::Unsigned(30));
-        let epoch = arm(&mut rig);
-        keep_moving(&mut rig, &[(0, epoch)], VELOCITY, 100_000);
-        play.borrow_mut().turning = turning;
-        rig.instead(|text| match text {
-            "141#A21E000000000000" => Instead::Says("241#A21E000000000000"),
-            _ => Instead::AsUsual,
-        });
+        let rest = ["141#A21E000000000000", "241#A21E000000000000"];
+        let epoch = echoing(&mut rig, &play, turning, rest);
         keep_moving(&mut rig, &[(0, epoch)], REST, 500_000);
         if turning {
             assert_tripped(&mut rig, TripReason::CommandRefused { faults: Some(0) }, false);
