@@ -17,18 +17,34 @@ const COMPLEMENT: usize = 1;
 
 /// Failed starts after which the configuration is left out.
 const ENOUGH: u32 = 5;
+/// What a bare run counts at least.
+const BARE: u32 = ENOUGH + 1;
 /// A run that has lasted so long has not failed early.
 pub const LASTED: Duration = Duration::from_secs(10);
 
-/// Counts this start; once, when the retained RAM has been started. Returns whether this run is to
-/// do without what the runs before have left.
-pub fn count(boot: BootReason) -> bool {
-    let failed = match boot {
-        BootReason::Watchdog | BootReason::Software => read(),
-        _ => 0,
-    };
-    write(failed.saturating_add(1));
-    failed >= ENOUGH
+/// With what a run begins.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Begins {
+    /// With what the run before has left.
+    AsItWas,
+    /// With what is stored: the run before was bare, and has left nothing that speaks for the
+    /// motors.
+    AsStored,
+    /// Without configuration.
+    Bare,
+}
+
+/// Counts this start; once, when the retained RAM has been started.
+pub fn count(boot: BootReason) -> Begins {
+    let counted = read();
+    let fails = matches!(boot, BootReason::Watchdog | BootReason::Software);
+    write(if fails { counted.saturating_add(1) } else { 1 });
+    match counted {
+        ENOUGH.. if fails => Begins::Bare,
+        // More than those that have failed: the bare one counts, too.
+        BARE.. => Begins::AsStored,
+        _ => Begins::AsItWas,
+    }
 }
 
 /// This run has lasted. One that does without configuration ends nothing: the next would find

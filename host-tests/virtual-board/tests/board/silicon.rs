@@ -180,4 +180,5 @@ fn a_fault_that_comes_back_at_each_start_ends_in_a_run_without_configuration() {
     lab.run_for(START);
     lab.client.reconnect().expect("hello");
     assert_eq!(lab.client.crash_report().expect("a text"), "");
+    assert_eq!(lab.client.list_axes().expect("a list"), []);
 }
