@@ -410,10 +410,10 @@ impl SharedGateway {
         self.with(|parts, _| parts.core.baud(link))
     }
 
-    /// Whether no motor moves and none may.
+    /// Whether the ROM bootloader may take the board.
     #[inline(never)]
-    pub fn all_at_rest(&self) -> bool {
-        self.with(|parts, _| parts.core.all_at_rest())
+    pub fn may_detach(&self) -> bool {
+        self.with(|parts, _| parts.core.may_detach())
     }
 
     /// How a bus must be running.

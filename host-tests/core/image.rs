@@ -2,12 +2,14 @@
 //! starts anew.
 
 use crate::bench;
-use crate::rig::Rig;
+use crate::rig::{Instead, Rig};
 use gateway::{Duration, Event, FoundImage, ImageJob, Images, Instant, Save, SaveError};
 use host_protocol::{
-    AxisState, BusMode, Bytes, Error, FirmwareVersion, ImageState, Protocol, ProtocolSet, Reply,
-    Request, Text, replies, requests,
+    AxisState, BusMode, Bytes, ClearTarget, Error, FirmwareVersion, ImageState, Protocol,
+    ProtocolSet, Reply, Request, StopTarget, Text, replies, requests,
 };
+use std::cell::Cell;
+use std::rc::Rc;
 
 const RUNS: FirmwareVersion = FirmwareVersion { major: 0, minor: 2, patch: 0 };
 const NEWER: FirmwareVersion = FirmwareVersion { major: 0, minor: 2, patch: 1 };
@@ -187,6 +189,71 @@ fn a_start_comes_100_ms_after_the_image_is_finished_and_nothing_is_armed_before(
     assert!(due.since(rig.now()) <= Duration::from_millis(100));
     assert!(!restarts(&mut rig, Instant::from_micros(due.as_micros() - 1)));
     assert!(restarts(&mut rig, due));
+}
+
+/// An image was finished, and the start comes in 100 ms.
+fn finished() -> Rig {
+    let mut rig = rig(FoundImage::Kept);
+    begin(&mut rig);
+    assert!(store(&mut rig, write(0, 128), Ok(())).is_ok());
+    assert!(store(&mut rig, write(128, 32), Ok(())).is_ok());
+    assert!(store(&mut rig, finish(), Ok(())).is_ok());
+    rig
+}
+
+/// Nobody watches a motor while images are exchanged, and the next one may not know the words that
+/// keep the e-stop.
+#[test]
+fn the_start_of_another_image_waits_for_rest_and_for_the_e_stop_to_be_cleared() {
+    let stop = requests::Stop { target: StopTarget::Axis(0) }.into();
+    for (request, clears) in [(stop, false), (requests::EStop {}.into(), true)] {
+        let mut rig = finished();
+        let is_mute = Rc::new(Cell::new(true));
+        let mute = is_mute.clone();
+        rig.instead(move |_| if mute.get() { Instead::Nothing } else { Instead::AsUsual });
+        rig.send(&request);
+        rig.run(200_000);
+        is_mute.set(false);
+        bench::run_with_host(&mut rig, 1_000_000);
+        assert!(!rig.gateway.all_at_rest() && !rig.starts_anew, "{request:?}");
+        // Who is tripped is cleared, and who holds is let go: that is possible all the same.
+        if clears {
+            rig.ask(requests::Clear { target: ClearTarget::Gateway }.into()).unwrap();
+        }
+        bench::clear(&mut rig).unwrap();
+        assert!(!rig.starts_anew, "{request:?}");
+        rig.send(&requests::OutputOff { axis: 0 }.into());
+        bench::run_with_host(&mut rig, 200_000);
+        assert!(rig.starts_anew, "{request:?}: {:?}", bench::listed(&mut rig, 0));
+    }
+}
+
+#[test]
+fn an_image_is_not_sent_while_the_e_stop_is_latched() {
+    let mut rig = rig(FoundImage::Kept);
+    begin(&mut rig);
+    assert!(store(&mut rig, write(0, 128), Ok(())).is_ok());
+    assert!(store(&mut rig, write(128, 32), Ok(())).is_ok());
+    rig.send(&requests::EStop {}.into());
+    bench::run_with_host(&mut rig, 200_000);
+    for request in [announced().into(), finish()] {
+        assert_eq!(rig.ask(request), Err(Error::EStopped {}));
+    }
+}
+
+#[test]
+fn the_bootloader_of_the_chip_takes_no_board_that_takes_signed_images_or_exchanges_some() {
+    let mut at_rest = rig(FoundImage::Kept);
+    assert!(at_rest.gateway.may_detach());
+    bench::arm(&mut at_rest);
+    assert!(!at_rest.gateway.may_detach(), "armed");
+    assert!(!rig(FoundImage::OnTrial).gateway.may_detach());
+    assert!(!finished().gateway.may_detach());
+    let mut signed = rig(FoundImage::Kept);
+    let (now, found) = (signed.now(), FoundImage::Kept);
+    let images = Images { version: RUNS, room: ROOM, needs_signature: true, found };
+    signed.gateway.set_images(now, images);
+    assert!(!signed.gateway.may_detach());
 }
 
 #[test]

@@ -123,6 +123,8 @@ pub struct Rig {
     due: Vec<(u64, Due)>,
     /// Buses that the core has named and that have not been polled since.
     named: Set,
+    /// The gateway wants to start anew: a board would, and time ends for this one.
+    pub starts_anew: bool,
 }
 
 enum Due {
@@ -166,6 +168,7 @@ impl Rig {
             sequence: 0,
             due: Vec::new(),
             named: Set::ALL,
+            starts_anew: false,
         };
         rig.gateway.restore(rig.now(), &[]);
         rig.handle(Event::EStopInput { open: false });
@@ -331,6 +334,7 @@ impl Rig {
         let now = self.now();
         let changes = self.gateway.handle(now, event, &mut |index, word| self.memory[index] = word);
         self.named = self.named.with(changes.buses);
+        self.starts_anew |= changes.restart;
     }
 
     /// From now on it is another gateway, which goes on from a snapshot: nobody notices. Not at
@@ -459,7 +463,7 @@ impl Rig {
     /// Lets time pass.
     pub fn run(&mut self, us: u64) {
         let end = self.now_us + us;
-        loop {
+        while !self.starts_anew {
             let wire = self.due.iter().map(|(at, _)| *at).enumerate().min_by_key(|(_, at)| *at);
             let core = self.gateway.next_deadline().map(Instant::as_micros);
             let next =

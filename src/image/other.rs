@@ -1,6 +1,7 @@
 //! The place of another image, which the loader exchanges with the one that runs.
 
 use embassy_boot::{FirmwareState, FirmwareUpdaterError, State};
+use embassy_futures::yield_now;
 use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use firmware_image::{Check, Wrong};
 use gateway::{FoundImage, ImageJob, SaveError};
@@ -77,6 +78,7 @@ impl OtherImage {
             self.pages.read(offset, bytes).await.map_err(|_| SaveError::Failed)?;
             check.update(bytes);
             offset += count;
+            yield_now().await;
         }
         // A signature takes less than the watchdog waits.
         watchdog::feed();

@@ -31,18 +31,18 @@ const WORDS: usize = 3;
 #[unsafe(link_section = ".retained")]
 static mut REQUEST: MaybeUninit<[u32; WORDS]> = MaybeUninit::uninit();
 
-/// For ever: when the host has asked, and its request is answered, and still no motor moves,
+/// For ever: when the host has asked, and its request is answered, and it still may,
 /// restarts into the bootloader.
 pub async fn follow_requests(gateway: &SharedGateway) -> ! {
     loop {
         ASKED_FOR.wait().await;
         Timer::after(GRACE).await;
-        if gateway.all_at_rest() {
+        if gateway.may_detach() {
             defmt::info!("USB: detached; the ROM bootloader is next");
             write([MARK, !MARK, NO_MARK]);
             SCB::sys_reset();
         }
-        defmt::warn!("USB: did not detach: an axis is no longer at rest");
+        defmt::warn!("USB: did not detach: an axis is no longer at rest, or an image waits");
     }
 }
 

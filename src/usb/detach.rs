@@ -96,8 +96,8 @@ impl Handler for Detach {
         if request.request != DETACH {
             return Some(OutResponse::Rejected);
         }
-        if !self.gateway.all_at_rest() {
-            defmt::warn!("USB: refused to detach: an axis is not at rest");
+        if !self.gateway.may_detach() {
+            defmt::warn!("USB: refused to detach: not at rest, on trial, or signed images only");
             return Some(OutResponse::Rejected);
         }
         self.state = APP_DETACH;

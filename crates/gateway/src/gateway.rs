@@ -304,7 +304,7 @@ impl Gateway {
         let history = self.has_more_to_save();
         let save = self.stored.is_due();
         let flight_read = self.has_flight_read();
-        let restart = self.image.restarts(self.now) && !self.stored.is_saving();
+        let restart = self.restart_at().is_some_and(|at| at <= self.now);
         let buses = self.changed_buses.take().with(self.crowded_buses);
         Changes { buses, links, log, history, save, flight_read, restart }
     }

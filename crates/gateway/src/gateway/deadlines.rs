@@ -27,12 +27,11 @@ impl Gateway {
         let mut next = self.axes.first_due().min(self.links.due()).min(self.first_bus_due);
         let together = self.together.as_ref().and_then(Together::deadline);
         let running = self.running.as_ref().map(Running::deadline);
-        let restart = self.image.deadline().filter(|_| !self.stored.is_saving());
         let mut consider = |at: Option<Instant>| next = at.map_or(next, |at| next.min(at));
         consider(self.authority.deadline());
         consider(together);
         consider(running);
-        consider(restart);
+        consider(self.restart_at());
         consider(self.flight_reading.as_ref().map(FlightReading::deadline));
         (next < Instant::NEVER).then_some(next)
     }

@@ -36,13 +36,8 @@ impl Image {
         Self { images: Images::NONE, announced, written: 0, trial_ends, restarts }
     }
 
-    /// Whether the gateway is to start anew.
-    pub fn restarts(&self, now: Instant) -> bool {
-        self.deadline().is_some_and(|at| at <= now)
-    }
-
-    /// When it does.
-    pub fn deadline(&self) -> Option<Instant> {
+    /// When the gateway is to start anew.
+    fn deadline(&self) -> Option<Instant> {
         self.restarts.or(self.trial_ends)
     }
 
@@ -57,6 +52,29 @@ impl Gateway {
     pub fn set_images(&mut self, now: Instant, images: Images) {
         self.image.images = images;
         self.image.trial_ends = (images.found == FoundImage::OnTrial).then_some(now + TRIAL);
+    }
+
+    /// Whether the chip's own bootloader, which takes any image, may take the board: all is at rest,
+    /// it takes unsigned images anyway, and no exchange of images is under way.
+    pub fn may_detach(&self) -> bool {
+        !self.image.images.needs_signature && self.image.deadline().is_none() && self.all_at_rest()
+    }
+
+    /// When the gateway is to start anew; `None` also while what is being stored keeps it from
+    /// that, and the start of another image while [not all is quiet](Self::check_quiet).
+    pub(crate) fn restart_at(&self) -> Option<Instant> {
+        let at = self.image.deadline()?;
+        let may = self.image.restarts.is_none() || self.check_quiet().is_ok();
+        (may && !self.stored.is_saving()).then_some(at)
+    }
+
+    /// While images are exchanged nobody watches a motor, and the next one may not know the words
+    /// by which this one remembers an e-stop.
+    fn check_quiet(&self) -> Result<()> {
+        if self.e_stopped || self.e_stop_input_open {
+            return Err(Error::EStopped {});
+        }
+        self.check_at_rest()
     }
 
     /// What waits for the image that runs to be confirmed, or for the start of the next one.
@@ -86,7 +104,7 @@ impl Gateway {
         if room == 0 {
             return Err(Error::NoImageRoom {});
         }
-        self.check_at_rest()?;
+        self.check_quiet()?;
         if image.board.as_str() != self.board.name {
             return Err(Error::ImageForAnotherBoard {});
         }
@@ -130,7 +148,7 @@ impl Gateway {
             return Err(Error::ImageIncomplete { missing });
         };
         let image = announced.clone();
-        self.check_at_rest()?;
+        self.check_quiet()?;
         let signature = request.signature.clone();
         self.store(Save::Image(ImageJob::Finish { image, signature }), ticket);
         Ok(())
