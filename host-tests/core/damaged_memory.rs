@@ -118,6 +118,29 @@ fn a_flipped_bit_of_the_mark_costs_nothing() {
     }
 }
 
+/// At each word that the start stores after it has found the damage.
+#[test]
+fn a_reset_of_the_start_that_finds_damage_does_not_forget_it() {
+    let (name, memory) = memories().swap_remove(0);
+    let mut cuts = 0;
+    for index in (MARK_WORDS..memory.len()).filter(|index| memory[*index] != 0) {
+        let mut words = memory.clone();
+        words[index] ^= 1 << (index % 32);
+        let mut gateway = restored(&words);
+        let now = gateway::Instant::from_micros(600);
+        gateway.handle(now, Event::EStopInput { open: false }, &mut |at, word| {
+            words[at] = word;
+            cuts += 1;
+            assert_eq!(
+                restored(&words).light(),
+                Light::EStopped,
+                "{name}: word {index}, then {at}"
+            );
+        });
+    }
+    assert!(cuts > 1_000, "{cuts}");
+}
+
 #[test]
 fn damage_is_told_cleared_by_a_person_and_mended_in_the_memory() {
     let mut rig = bench::rmd_axes(2);

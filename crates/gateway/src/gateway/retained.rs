@@ -62,7 +62,8 @@ pub(crate) struct Retention {
     /// The gateway has another name.
     gateway: bool,
     states: States,
-    /// Several rows have changed together: a reset that leaves some of them as before is noticed.
+    /// Several rows have changed together, or damage is mended: a reset that leaves some rows as
+    /// before is noticed.
     pub together: bool,
     /// Nothing is left to save: the history has every trip, and the states say so.
     pub is_complete: bool,
@@ -119,7 +120,9 @@ impl Retention {
     fn write(&mut self, place: Place, payload: &[u32], store: Store<'_>) {
         if let Some(generation) = self.generations.get_mut(place.index()) {
             *generation = generation.wrapping_add(1);
-            store(WRITING_AT, place.writing());
+            // Until damage is mended, a slot that a reset cuts short counts as damaged too.
+            let is_mending = self.is_damaged && self.memory != Memory::Ours;
+            store(WRITING_AT, if is_mending { 0 } else { place.writing() });
             place.slot().write(*generation, payload, store);
             store(WRITING_AT, 0);
         }
@@ -186,12 +189,13 @@ impl Gateway {
     /// the history then, so what has tripped counts as in motion until
     /// [`save_some`](Self::save_some) has stored that too.
     pub(crate) fn save_states(&mut self, store: Store<'_>) {
-        self.retention.prepare(store);
+        // Before anything is mended: another reset must find that there was damage.
         if core::mem::take(&mut self.retention.together) {
-            let mut states = self.retention.states;
+            let mut states = self.states(self.retention.states.tripped);
             states.flags |= MIXED;
             self.retention.write_states(states, store);
         }
+        self.retention.prepare(store);
         self.save_configurations(store);
         let states = self.states(self.retention.states.tripped);
         let unrecorded = self.axes.which(Is::Tripped).without(states.tripped);
@@ -292,7 +296,8 @@ impl Gateway {
     /// | a bus that the board cannot run now | as it was | what was in motion or tripped there is unreachable |
     ///
     /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where
-    /// both are, the axis or bus is lost, and the latched e-stop says that something is.
+    /// both are, the axis or bus is lost, and the latched e-stop says that something is. If another
+    /// reset comes before all of this is stored, the next start finds the damage, or rows in part.
     pub fn restore(&mut self, now: Instant, words: &[u32]) {
         let words = if layout::is_ours(words) { words } else { &[] };
         if let Some(writing) = words.get(WRITING_AT) {
@@ -310,6 +315,7 @@ impl Gateway {
             self.restore_name(Subject::Gateway, name);
         }
         if self.retention.is_damaged {
+            self.retention.together = true;
             self.links.log(LogEntry::MemoryDamaged);
             states.flags |= E_STOPPED;
             states.moving.add(Set::ALL.without(states.tripped));
