@@ -231,10 +231,10 @@ impl<S: NorFlash> ConfigStore<S> {
     async fn write_head(&mut self, area: usize, head: Head) -> Result<(), SaveError> {
         let bytes = head.to_bytes();
         let bytes = bytes.get(..HEAD.next_multiple_of(S::WRITE_SIZE)).ok_or(SaveError::Failed)?;
-        for at in [0, SECOND_HEAD] {
-            let written = self.flash.write(self.areas[area] + at, bytes).await;
-            written.map_err(|_| SaveError::Failed)?;
-        }
+        let first = self.flash.write(self.areas[area], bytes).await;
+        first.map_err(|_| SaveError::Failed)?;
+        // From here on the area counts, with one head or with two.
+        let _ = self.flash.write(self.areas[area] + SECOND_HEAD, bytes).await;
         Ok(())
     }
 
