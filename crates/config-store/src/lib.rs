@@ -12,6 +12,10 @@
 //! | 32 | the head once more: there, and neither is whole, it was damaged later |
 //! | 64 | the rows: number, length (u16), bytes; 0xFF behind the last |
 //!
+//! Where the power or the flash fails at the second head, the first is the only one, and a bit of
+//! it that flips brings back the older area. The next start writes what is still erased of the
+//! second head. A word of it that is torn cannot be written again: it stays so until the next save.
+//!
 //! A word whose write a loss of power has cut short may fail its error-correcting code. The driver
 //! must hand out whatever is read then, and no error: the checksums tell.
 #![no_std]
@@ -114,7 +118,8 @@ impl<S: NorFlash> ConfigStore<S> {
         &mut self.flash
     }
 
-    /// What is stored.
+    /// What is stored. It writes what is missing of the second head, so it is for a start, when no
+    /// axis is armed.
     pub async fn find(&mut self) -> Found {
         let (area, head) = match self.head().await {
             Reading::Nothing => return Found::Nothing,
@@ -124,6 +129,7 @@ impl<S: NorFlash> ConfigStore<S> {
         if head.layout != LAYOUT {
             return Found::OtherLayout { layout: head.layout };
         }
+        self.complete(area, head).await;
         if head.length == 0 {
             return Found::Nothing;
         }
@@ -236,6 +242,19 @@ impl<S: NorFlash> ConfigStore<S> {
         // From here on the area counts, with one head or with two.
         let _ = self.flash.write(self.areas[area] + SECOND_HEAD, bytes).await;
         Ok(())
+    }
+
+    /// Writes the words of the second head that are still erased.
+    async fn complete(&mut self, area: usize, head: Head) {
+        let (wanted, mut there) = (head.to_bytes(), [0; MAX_WORD]);
+        let _ = self.read(area, SECOND_HEAD, &mut there).await;
+        let begin = self.areas[area] + SECOND_HEAD;
+        let words = wanted.chunks(S::WRITE_SIZE).zip(there.chunks(S::WRITE_SIZE));
+        for (at, (word, is)) in (begin..).step_by(S::WRITE_SIZE).zip(words) {
+            if word != is && is.iter().all(|byte| *byte == ERASED) {
+                let _ = self.flash.write(at, word).await;
+            }
+        }
     }
 
     async fn head(&mut self) -> Reading {
