@@ -77,12 +77,12 @@ impl Pages {
         poll: Duration,
         limit: core::time::Duration,
     ) -> Result<(), Failure> {
-        let begun = Instant::now();
-        let limit = Duration::try_from(limit).unwrap_or(Duration::MIN);
+        // Never the difference of two times, which panics where the second one is the earlier.
+        let until = Instant::now() + Duration::try_from(limit).unwrap_or(Duration::MIN);
         let result = loop {
             match flash::result(address) {
                 Some(succeeded) => break succeeded,
-                None if begun.elapsed() >= limit => break false,
+                None if Instant::now() >= until => break false,
                 None => Timer::after(poll).await,
             }
         };
