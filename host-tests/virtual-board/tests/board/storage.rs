@@ -73,6 +73,22 @@ impl Lab {
         self.machine.borrow_mut().line(host).send(&frame[..length]);
     }
 
+    /// Has the next start find this count of failed ones, which is followed by its complement.
+    fn count_failed_starts(&self, count: u32) {
+        let mut machine = self.machine.borrow_mut();
+        let (ram, end) = (machine.symbol("__sretained"), machine.symbol("__eretained"));
+        let words = machine.read_memory(ram, usize::try_from(end - ram).expect("some KiB"));
+        let words: Vec<u32> = words
+            .chunks_exact(4)
+            .map(|word| u32::from_le_bytes(word.try_into().expect("four bytes")))
+            .collect();
+        let at = words.windows(2).rposition(|pair| pair[0] < 6 && pair[1] == !pair[0]);
+        let at = at.expect("a count");
+        for (at, word) in (at..).zip([count, !count]) {
+            machine.write_memory(ram + 4 * at as u64, &word.to_le_bytes());
+        }
+    }
+
     fn operations(&self) -> Vec<FlashOperation> {
         self.machine.borrow_mut().flash_operations()
     }
@@ -107,6 +123,27 @@ fn a_stored_configuration_comes_back_after_a_loss_of_power_and_its_axes_are_stop
     let holds = lab.arm(&[D5]);
     lab.keep(&holds, SETTLED);
     lab.assert_turning(D5);
+}
+
+/// What five failed starts, and the run without configuration behind them, leave.
+#[test]
+fn behind_a_run_without_configuration_the_pin_loads_what_is_stored() {
+    let mut lab = Lab::configured();
+    lab.client.take_authority().expect("in command");
+    lab.save();
+    lab.client.configure_axis(D5, PARAMETER, NEW).expect("another limit");
+    lab.count_failed_starts(6);
+    lab.machine.borrow_mut().reset_by_pin();
+    let since = lab.now();
+    lab.run_for(SETTLED);
+    let stops = AXES.map(|axis| lab.first_stop(axis, since));
+    assert!(
+        stops.iter().all(|stop| stop.first_bit < since + Duration::from_millis(60)),
+        "{stops:?}"
+    );
+    lab.meet_again();
+    assert_eq!(lab.stored(), StoredState::Kept { differs: false });
+    assert_eq!(lab.client.read_axis_parameter(D5, PARAMETER).expect("a value"), None);
 }
 
 #[test]
