@@ -7,6 +7,7 @@
 
 mod ask;
 mod cable;
+mod door;
 mod events;
 mod multiplexer;
 mod program;

@@ -8,37 +8,31 @@ use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 #[cfg(unix)]
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use mgw_client::Halves;
-use subtle::ConstantTimeEq;
 
+use crate::door::accept;
 use crate::multiplexer::{Multiplexer, News, ProgramId};
 use crate::seen::Seen;
 
 /// Longest time between two looks at the clock.
-const TICK: Duration = Duration::from_millis(5);
+pub(crate) const TICK: Duration = Duration::from_millis(5);
 /// Between two attempts to open the cable.
 const OPEN_EVERY: Duration = Duration::from_millis(200);
-/// Bytes of a program taken at once: the others have their turn behind them.
-const READ: usize = 512;
 /// Frames on their way into a connection; the others wait, and events are dropped.
 const WRITES: usize = 4;
+/// Events taken before what they bring about is sent: they may come as fast as they are taken.
+const AT_ONCE: usize = 512;
 /// Programs at a time. One more takes the place of the one that has been silent for longest, so
 /// that there always is one for a stop.
-const PROGRAMS: usize = 128;
+pub(crate) const PROGRAMS: usize = 128;
 /// Connections at a time that have not shown their token: they take the place of nobody who has.
 const UNPROVED: usize = 16;
 /// A connection that is over and does not read is closed after this time.
 const CLOSED_WITHIN: Duration = Duration::from_secs(1);
-/// How long a connection may take to show its token.
-const TOKEN_WITHIN: Duration = Duration::from_secs(2);
-/// What the token stands behind.
-const TOKEN: &[u8] = b"token=";
-/// Longest token with what it stands behind.
-const LONGEST_TOKEN: usize = 256;
 
 /// Where programs connect.
 pub enum Listener {
@@ -50,18 +44,26 @@ pub enum Listener {
 }
 
 /// The connection of a program.
-enum Stream {
+pub(crate) enum Stream {
     Tcp(TcpStream),
     #[cfg(unix)]
     Unix(UnixStream),
 }
 
 impl Stream {
-    fn again(&self) -> io::Result<Self> {
+    pub fn again(&self) -> io::Result<Self> {
         match self {
             Self::Tcp(stream) => stream.try_clone().map(Self::Tcp),
             #[cfg(unix)]
             Self::Unix(stream) => stream.try_clone().map(Self::Unix),
+        }
+    }
+
+    pub fn set_nonblocking(&self, nonblocking: bool) -> io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.set_nonblocking(nonblocking),
+            #[cfg(unix)]
+            Self::Unix(stream) => stream.set_nonblocking(nonblocking),
         }
     }
 
@@ -73,7 +75,7 @@ impl Stream {
         };
     }
 
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+    pub fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::Tcp(stream) => stream.read(bytes),
             #[cfg(unix)]
@@ -91,10 +93,9 @@ impl Stream {
 }
 
 /// What the threads tell.
-enum Event {
-    /// A program has connected: its connection, whether it may use the gateway, and where its
-    /// reader learns that it may read on.
-    Connected(Stream, bool, SyncSender<ProgramId>),
+pub(crate) enum Event {
+    /// A program has connected.
+    Connected(Newcomer),
     /// Bytes of a program; nothing: it has gone.
     Program(ProgramId, Vec<u8>),
     /// A frame is in the connection.
@@ -105,17 +106,61 @@ enum Event {
     Cable(u64, Vec<u8>),
 }
 
+/// A connection that has just been accepted.
+pub(crate) struct Newcomer {
+    pub stream: Stream,
+    /// It has shown the token, or needs none.
+    pub proved: bool,
+    /// What it has said by now.
+    pub said: Vec<u8>,
+    /// Where its reader learns that it may read on.
+    pub go: SyncSender<ProgramId>,
+}
+
 /// A program's connection, as the one thread knows it.
 struct Connection {
     stream: Stream,
     go: SyncSender<ProgramId>,
-    frames: Sender<Vec<u8>>,
+    /// To the thread that writes, which begins with the first frame.
+    frames: Option<Sender<Vec<u8>>>,
     writing: usize,
     heard_at: Duration,
     /// It has shown the token, or needs none.
     proved: bool,
     /// Since when it is to be closed.
     over_since: Option<Duration>,
+}
+
+impl Connection {
+    /// Has a frame written by the connection's own thread.
+    fn write(&mut self, id: ProgramId, frame: Vec<u8>, sender: &Sender<Event>) {
+        if self.frames.is_none() {
+            // Without descriptors it cannot be served: its reader finds the end.
+            let Ok(writer) = self.stream.again() else { return self.stream.end() };
+            let (frames, to_write) = channel();
+            let sender = sender.clone();
+            thread::spawn(move || write_program(writer, id, &to_write, &sender));
+            self.frames = Some(frames);
+        }
+        if let Some(frames) = &self.frames {
+            let _ = frames.send(frame);
+        }
+    }
+}
+
+fn write_program(
+    mut writer: Stream,
+    id: ProgramId,
+    to_write: &Receiver<Vec<u8>>,
+    sender: &Sender<Event>,
+) {
+    while let Ok(frame) = to_write.recv() {
+        let failed = writer.write(&frame).is_err();
+        if sender.send(Event::Written(id)).is_err() || failed {
+            return;
+        }
+    }
+    writer.end();
 }
 
 /// Is given every frame of the cable at once; it must not wait for anything.
@@ -186,9 +231,7 @@ where
                 Ok(event) => {
                     self.take(event);
                     // What has come meanwhile, before anything is sent: a stop among it goes first.
-                    while let Ok(event) = events.try_recv() {
-                        self.take(event);
-                    }
+                    events.try_iter().take(AT_ONCE).for_each(|event| self.take(event));
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -205,7 +248,7 @@ where
     fn take(&mut self, event: Event) {
         let now = self.start.elapsed();
         match event {
-            Event::Connected(stream, proved, go) => self.connect(now, stream, proved, go),
+            Event::Connected(newcomer) => self.connect(now, newcomer),
             Event::Program(id, bytes) if bytes.is_empty() => self.disconnect(id),
             Event::Program(id, bytes) => {
                 self.multiplexer.program_bytes(now, id, &bytes);
@@ -242,7 +285,8 @@ where
         }
     }
 
-    fn connect(&mut self, now: Duration, stream: Stream, proved: bool, go: SyncSender<ProgramId>) {
+    fn connect(&mut self, now: Duration, newcomer: Newcomer) {
+        let Newcomer { stream, proved, said, go } = newcomer;
         let unproved = self.connections.values().filter(|one| !one.proved).count();
         let is_full = self.connections.len() >= PROGRAMS;
         if !proved && (is_full || unproved >= UNPROVED) {
@@ -258,24 +302,13 @@ where
                 self.disconnect(id);
             }
         }
-        let Ok(mut writer) = stream.again() else { return };
         let id = self.multiplexer.program_opened(now, proved);
-        let (frames, to_write) = channel::<Vec<u8>>();
-        let sender = self.sender.clone();
-        thread::spawn(move || {
-            while let Ok(frame) = to_write.recv() {
-                let failed = writer.write(&frame).is_err();
-                if sender.send(Event::Written(id)).is_err() || failed {
-                    return;
-                }
-            }
-            writer.end();
-        });
         let _ = go.send(id);
-        let (writing, over_since) = (0, None);
+        let (frames, writing, over_since) = (None, 0, None);
         let connection =
             Connection { stream, go, frames, writing, heard_at: now, proved, over_since };
         self.connections.insert(id, connection);
+        self.multiplexer.program_bytes(now, id, &said);
     }
 
     fn disconnect(&mut self, id: ProgramId) {
@@ -344,7 +377,7 @@ where
                 && let Some(frame) = self.multiplexer.poll_program(*id)
             {
                 connection.writing += 1;
-                let _ = connection.frames.send(frame);
+                connection.write(*id, frame, &self.sender);
             }
             if self.multiplexer.is_over(*id) {
                 let since = *connection.over_since.get_or_insert(now);
@@ -368,87 +401,7 @@ where
     }
 }
 
-fn nothing_came(error: &io::Error) -> bool {
+pub(crate) fn nothing_came(error: &io::Error) -> bool {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
-}
-
-fn accept(listener: &Listener, sender: &Sender<Event>) {
-    loop {
-        let (stream, token) = match listener {
-            Listener::Tcp(listener, token) => {
-                let stream = listener.accept().and_then(|(stream, _)| {
-                    stream.set_nodelay(true)?;
-                    Ok(Stream::Tcp(stream))
-                });
-                (stream, token.clone())
-            }
-            #[cfg(unix)]
-            Listener::Unix(listener) => {
-                (listener.accept().map(|(stream, _)| Stream::Unix(stream)), None)
-            }
-        };
-        let Ok(stream) = stream else {
-            // The program has gone again, or there are no descriptors left for now.
-            thread::sleep(TICK);
-            continue;
-        };
-        let sender = sender.clone();
-        thread::spawn(move || read_program(stream, token.as_deref(), &sender));
-    }
-}
-
-/// Passes a program's bytes on, one piece at a time: who floods waits for the others.
-fn read_program(mut stream: Stream, token: Option<&str>, sender: &Sender<Event>) {
-    let proved = token.is_none_or(|token| shows(&mut stream, token));
-    let (go, may_read) = sync_channel(1);
-    let Ok(ours) = stream.again() else { return };
-    if sender.send(Event::Connected(ours, proved, go)).is_err() {
-        return;
-    }
-    let Ok(id) = may_read.recv() else { return };
-    let mut is_first = true;
-    loop {
-        let mut bytes = [0; READ];
-        let read = match stream.read(&mut bytes) {
-            Ok(_) if is_first && begins_as_http(&bytes) => Vec::new(),
-            Ok(count) => bytes.get(..count).unwrap_or_default().to_vec(),
-            Err(error) if nothing_came(&error) => continue,
-            Err(_) => Vec::new(),
-        };
-        is_first = false;
-        let has_gone = read.is_empty();
-        if sender.send(Event::Program(id, read)).is_err() || has_gone || may_read.recv().is_err() {
-            return;
-        }
-    }
-}
-
-/// Whether the first bytes of a connection are a browser's: any page can have it post bytes to this
-/// computer. A frame begins with 0x00, and the token with a small letter.
-fn begins_as_http(bytes: &[u8]) -> bool {
-    bytes.first().is_some_and(u8::is_ascii_uppercase)
-}
-
-/// Whether a connection begins with the token.
-fn shows(stream: &mut Stream, token: &str) -> bool {
-    let timeout = |stream: &Stream, time| match stream {
-        Stream::Tcp(stream) => stream.set_read_timeout(time),
-        #[cfg(unix)]
-        Stream::Unix(stream) => stream.set_read_timeout(time),
-    };
-    let _ = timeout(stream, Some(TOKEN_WITHIN));
-    let mut shown = Vec::new();
-    let mut byte = [0];
-    let end = Instant::now() + TOKEN_WITHIN;
-    while shown.len() < LONGEST_TOKEN
-        && Instant::now() < end
-        && matches!(stream.read(&mut byte), Ok(1))
-        && byte != [0]
-    {
-        shown.extend(byte);
-    }
-    let _ = timeout(stream, None);
-    let wanted = [TOKEN, token.as_bytes()].concat();
-    bool::from(shown.as_slice().ct_eq(&wanted))
 }

@@ -1,0 +1,123 @@
+//! A server on a real Unix socket, with connections that come and go.
+#![cfg(target_os = "linux")]
+
+use std::fs;
+use std::net::TcpListener;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use mgw_client::host_protocol::StopTarget;
+use mgw_client::{Client, ClientError, Transport, open, open_halves};
+use mgw_serve::{Listener, serve};
+use mgw_sim::{Wiring, World};
+
+/// Every wait together.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Programs that have a place.
+const PROGRAMS: usize = 128;
+/// Descriptors that a server with all its places taken needs at most, and the test beside it.
+const DESCRIPTORS: usize = 1_000;
+/// The descriptors of this process are counted: one test at a time.
+static ALONE: Mutex<()> = Mutex::new(());
+
+type Program = Client<Box<dyn Transport + Send>>;
+
+struct Server {
+    socket: PathBuf,
+    end: Instant,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Server {
+    /// One with a simulated gateway.
+    fn start(name: &str) -> Self {
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let directory = std::env::temp_dir().join(format!("mgw-{}-{name}", std::process::id()));
+        fs::create_dir_all(&directory).unwrap();
+        let socket = directory.join("mgw.sock");
+        let cable = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = format!("tcp:{}", cable.local_addr().unwrap());
+        thread::spawn(move || {
+            let world = World::new(Wiring::four_motors());
+            let (_lines, faults) = std::sync::mpsc::channel();
+            mgw_sim::serve(cable, world, &faults, None, |_: &str| {})
+        });
+        let listener = UnixListener::bind(&socket).unwrap();
+        thread::spawn(move || {
+            let open = move || open_halves(&port).map_err(|error| error.to_string());
+            serve(vec![Listener::Unix(listener)], open, |_: &str| {}, None)
+        });
+        let server = Self { socket, end: Instant::now() + PATIENCE, _alone: alone };
+        server.until(|| server.program()?.ping());
+        server
+    }
+
+    fn program(&self) -> Result<Program, ClientError> {
+        Client::connect(open(&format!("unix:{}", self.socket.display())).unwrap())
+    }
+
+    /// Tries it until it succeeds.
+    fn until<T>(&self, mut attempt: impl FnMut() -> Result<T, ClientError>) -> T {
+        loop {
+            match attempt() {
+                Ok(done) => return done,
+                Err(error) => assert!(Instant::now() < self.end, "{error}"),
+            }
+        }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(self.socket.parent().unwrap());
+    }
+}
+
+fn descriptors() -> usize {
+    fs::read_dir("/proc/self/fd").unwrap().count()
+}
+
+#[test]
+fn connections_that_come_and_go_keep_no_stop_from_the_cable() {
+    let server = Server::start("come-and-go");
+    let mut connected = server.program().unwrap();
+    let (ends, count) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU32::new(0)));
+    let mut comers = Vec::new();
+    for _ in 0..2 {
+        let (ends, count, socket) = (ends.clone(), count.clone(), server.socket.clone());
+        comers.push(thread::spawn(move || {
+            while !ends.load(Ordering::Relaxed) {
+                if UnixStream::connect(&socket).is_ok() {
+                    count.fetch_add(1, Ordering::Relaxed);
+                }
+            }
+        }));
+    }
+    let mut most = 0;
+    while count.load(Ordering::Relaxed) < 20_000 {
+        assert!(Instant::now() < server.end, "connections are taken");
+        most = most.max(descriptors());
+        server.until(|| connected.stop(StopTarget::All));
+        // One that connects only now, too.
+        server.until(|| server.program()?.stop(StopTarget::All));
+    }
+    ends.store(true, Ordering::Relaxed);
+    comers.into_iter().for_each(|one| one.join().unwrap());
+    assert!(most < DESCRIPTORS, "{most} descriptors");
+}
+
+#[test]
+fn one_program_more_takes_the_place_of_the_one_silent_for_longest() {
+    let server = Server::start("one-more");
+    let mut programs: Vec<Program> = (0..PROGRAMS).map(|_| server.program().unwrap()).collect();
+    programs[0].ping().unwrap();
+    let mut one_more = server.program().unwrap();
+    one_more.ping().unwrap();
+    programs[0].ping().expect("it has just been heard");
+    programs[2].ping().expect("another one has been silent for longer");
+    programs[1].ping().expect_err("it has lost its place");
+}
