@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 
 use subtle::ConstantTimeEq;
 
-use crate::shell::{Event, Listener, Newcomer, PROGRAMS, Stream, TICK, nothing_came};
+use crate::shell::{Event, Listener, Newcomer, PROGRAMS, Stream, TICK, WAITING, nothing_came};
 
 /// Connections of one listener at a time: those that have a place, and some that come and go. More
 /// of them wait in the system, so that no crowd of them stands in front of what programs send.
-const CONNECTIONS: usize = PROGRAMS + 64;
+const CONNECTIONS: usize = PROGRAMS + WAITING + 64;
 /// Bytes of a program taken at once: the others have their turn behind them.
 const READ: usize = 512;
 /// How long a connection may take to show its token.

@@ -148,6 +148,12 @@ impl Multiplexer {
         }
     }
 
+    /// Whether it has asked anything.
+    #[must_use]
+    pub fn has_asked(&self, id: ProgramId) -> bool {
+        self.programs.get(&id).is_some_and(Program::has_asked)
+    }
+
     /// Whether its connection is to be closed, once [`poll_program`](Self::poll_program) gives
     /// nothing more.
     #[must_use]

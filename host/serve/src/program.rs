@@ -135,6 +135,11 @@ impl Program {
         Some(order)
     }
 
+    /// Whether it has asked anything since it connected.
+    pub fn has_asked(&self) -> bool {
+        self.orders > 0
+    }
+
     /// The cable has no result of a request and gets none any more.
     pub fn forget(&mut self, order: u64) {
         self.kept.retain(|kept| kept.order != order || !matches!(kept.fate, Fate::Asked(_)));

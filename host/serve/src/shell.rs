@@ -26,10 +26,13 @@ const OPEN_EVERY: Duration = Duration::from_millis(200);
 const WRITES: usize = 4;
 /// Events taken before what they bring about is sent: they may come as fast as they are taken.
 const AT_ONCE: usize = 512;
-/// Programs at a time. One more takes the place of the one that has been silent for longest, so
-/// that there always is one for a stop.
+/// Programs at a time, which have asked something. One more takes the place of the one that has
+/// been silent for longest, so that there always is one for a stop.
 pub(crate) const PROGRAMS: usize = 128;
-/// Connections at a time that have not shown their token: they take the place of nobody who has.
+/// Connections at a time that have asked nothing yet: one more takes the place of the oldest of
+/// them, and none takes that of a program.
+pub(crate) const WAITING: usize = 64;
+/// Those of them that have not shown their token: they take the place of nobody who has.
 const UNPROVED: usize = 16;
 /// A connection that is over and does not read is closed after this time.
 const CLOSED_WITHIN: Duration = Duration::from_secs(1);
@@ -127,6 +130,8 @@ struct Connection {
     heard_at: Duration,
     /// It has shown the token, or needs none.
     proved: bool,
+    /// It has asked something, with the token if it needs one: it is a program that is served.
+    asked: bool,
     /// Since when it is to be closed.
     over_since: Option<Duration>,
 }
@@ -251,7 +256,7 @@ where
             Event::Connected(newcomer) => self.connect(now, newcomer),
             Event::Program(id, bytes) if bytes.is_empty() => self.disconnect(id),
             Event::Program(id, bytes) => {
-                self.multiplexer.program_bytes(now, id, &bytes);
+                self.hear(now, id, &bytes);
                 if let Some(connection) = self.connections.get_mut(&id) {
                     connection.heard_at = now;
                     let _ = connection.go.send(id);
@@ -287,28 +292,59 @@ where
 
     fn connect(&mut self, now: Duration, newcomer: Newcomer) {
         let Newcomer { stream, proved, said, go } = newcomer;
-        let unproved = self.connections.values().filter(|one| !one.proved).count();
-        let is_full = self.connections.len() >= PROGRAMS;
-        if !proved && (is_full || unproved >= UNPROVED) {
+        let waiting = || self.connections.values().filter(|one| !one.asked);
+        let unproved = waiting().filter(|one| !one.proved).count();
+        if !proved && (waiting().count() >= WAITING || unproved >= UNPROVED) {
             return stream.end();
-        }
-        if is_full {
-            let commands = self.multiplexer.in_command();
-            let watching = self.connections.iter().filter(|(id, _)| Some(**id) != commands);
-            let quietest = watching.min_by_key(|(_, one)| (one.proved, one.heard_at));
-            let quietest = quietest.map(|(id, _)| *id);
-            if let Some(id) = quietest {
-                (self.log)(&format!("program {id} has lost its place to another one"));
-                self.disconnect(id);
-            }
         }
         let id = self.multiplexer.program_opened(now, proved);
         let _ = go.send(id);
-        let (frames, writing, over_since) = (None, 0, None);
+        let (frames, writing, asked, over_since) = (None, 0, false, None);
         let connection =
-            Connection { stream, go, frames, writing, heard_at: now, proved, over_since };
+            Connection { stream, go, frames, writing, heard_at: now, proved, asked, over_since };
         self.connections.insert(id, connection);
-        self.multiplexer.program_bytes(now, id, &said);
+        self.hear(now, id, &said);
+        self.end_oldest_waiting(id);
+    }
+
+    fn hear(&mut self, now: Duration, id: ProgramId, bytes: &[u8]) {
+        self.multiplexer.program_bytes(now, id, bytes);
+        if let Some(connection) = self.connections.get_mut(&id)
+            && !connection.asked
+            && connection.proved
+            && self.multiplexer.has_asked(id)
+        {
+            connection.asked = true;
+            self.end_quietest_program(id);
+        }
+    }
+
+    /// Makes room for a program that has just asked something.
+    fn end_quietest_program(&mut self, newest: ProgramId) {
+        let asked = || self.connections.iter().filter(|(_, one)| one.asked);
+        if asked().count() <= PROGRAMS {
+            return;
+        }
+        let commands = self.multiplexer.in_command();
+        let others = asked().filter(|(id, _)| **id != newest && Some(**id) != commands);
+        let quietest = others.min_by_key(|(_, one)| one.heard_at).map(|(id, _)| *id);
+        if let Some(id) = quietest {
+            (self.log)(&format!("program {id} has lost its place to another one"));
+            self.disconnect(id);
+        }
+    }
+
+    /// Makes room for a connection that has just come.
+    fn end_oldest_waiting(&mut self, newest: ProgramId) {
+        let waiting = || self.connections.iter().filter(|(_, one)| !one.asked);
+        if waiting().count() <= WAITING {
+            return;
+        }
+        let others = waiting().filter(|(id, _)| **id != newest);
+        let oldest = others.min_by_key(|(id, one)| (one.proved, **id)).map(|(id, _)| *id);
+        if let Some(id) = oldest {
+            self.disconnect(id);
+        }
     }
 
     fn disconnect(&mut self, id: ProgramId) {

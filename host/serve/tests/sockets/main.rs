@@ -1,4 +1,4 @@
-//! A server on a real Unix socket, with connections that come and go.
+//! A server on a real Unix socket, with connections that come and go, or come and say nothing.
 #![cfg(target_os = "linux")]
 
 use std::fs;
@@ -108,6 +108,19 @@ fn connections_that_come_and_go_keep_no_stop_from_the_cable() {
     ends.store(true, Ordering::Relaxed);
     comers.into_iter().for_each(|one| one.join().unwrap());
     assert!(most < DESCRIPTORS, "{most} descriptors");
+}
+
+#[test]
+fn connections_that_say_nothing_take_no_place_of_a_program() {
+    let server = Server::start("silent");
+    let mut watcher = server.program().unwrap();
+    watcher.ping().unwrap();
+    let connect = |_| UnixStream::connect(&server.socket).unwrap();
+    let silent: Vec<UnixStream> = (0..3 * PROGRAMS).map(connect).collect();
+    // One that comes behind them is served, so they have been taken.
+    server.until(|| server.program()?.ping());
+    watcher.ping().expect("it keeps its place");
+    drop(silent);
 }
 
 #[test]
