@@ -18,7 +18,7 @@ use crate::find;
 use crate::interrupt;
 use crate::output::Output;
 use crate::record::{Recording, What};
-use crate::view::{Reach, View, ViewArgs};
+use crate::view::{LEAST_TOKEN, Reach, View, ViewArgs};
 
 /// Between two looks at whether a signal has come.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -55,6 +55,12 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
         return Err(Failure::Usage(format!(
             "{listen} can be reached from other computers: give a --token that programs have to \
                 show, or listen on 127.0.0.1"
+        )));
+    }
+    if !listen.ip().is_loopback() && token.as_ref().is_some_and(|token| token.len() < LEAST_TOKEN) {
+        return Err(Failure::Usage(format!(
+            "{listen} can be reached from other computers, which may guess as fast as they can: \
+                the --token has at least {LEAST_TOKEN} bytes there"
         )));
     }
     // What cannot be is told before anything is served.

@@ -29,7 +29,7 @@ use hub::Hub;
 pub use reach::Reach;
 
 /// Bytes of a token at least, where other computers can guess.
-const LEAST_TOKEN: usize = 16;
+pub const LEAST_TOKEN: usize = 16;
 
 /// What the page may be told on the command line.
 #[derive(Debug, clap::Args)]

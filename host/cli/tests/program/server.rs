@@ -150,6 +150,9 @@ fn a_server_without_its_gateway_says_so_and_finds_it_again() {
 fn beyond_this_computer_a_token_is_needed() {
     let text = mgw(&["--port", "tcp:127.0.0.1:9", "serve", "--listen", "0.0.0.0:0"]).failure(2);
     assert!(text.contains("--token"), "{text}");
+    let short = ["--listen", "0.0.0.0:0", "--token", "fifteen-bytes.."];
+    let text = mgw(&[&["--port", "tcp:127.0.0.1:9", "serve"], &short[..]].concat()).failure(2);
+    assert!(text.contains("at least 16 bytes"), "{text}");
     let sim = Sim::start();
     let server = Server::start(&sim.port, &["--token", "a secret"]);
     let arguments = ["--port", &server.port, "info"];
