@@ -250,7 +250,10 @@ fn not_configured(f: &mut fmt::Formatter<'_>, what: &str, missing: &str) -> fmt:
 fn is_no_port(error: &ConnectError) -> bool {
     matches!(
         error,
-        ConnectError::NoPort | ConnectError::BadAddress { .. } | ConnectError::BadBaud { .. }
+        ConnectError::NoPort
+            | ConnectError::NoPath
+            | ConnectError::BadAddress { .. }
+            | ConnectError::BadBaud { .. }
     )
 }
 

@@ -113,7 +113,7 @@ impl<'a> Port<'a> {
     fn read(port: &'a str) -> Result<Self, ConnectError> {
         #[cfg(unix)]
         if let Some(path) = port.strip_prefix(UNIX_PREFIX) {
-            return Ok(Self::Unix(path));
+            return if path.is_empty() { Err(ConnectError::NoPath) } else { Ok(Self::Unix(path)) };
         }
         if let Some(address) = tcp_address(port) {
             if !is_complete(address) {
@@ -176,6 +176,8 @@ fn is_complete(address: &str) -> bool {
 pub enum ConnectError {
     /// The name is empty.
     NoPort,
+    /// Nothing follows `unix:`.
+    NoPath,
     /// A `tcp:` name without host and port number.
     BadAddress {
         /// What was given.
@@ -250,6 +252,12 @@ impl fmt::Display for ConnectError {
                     _ => write!(f, "Check the host name and the port number"),
                 }
             }
+            Self::NoPath => {
+                write!(
+                    f,
+                    "`unix:` names no socket. Write unix:PATH, the path that `mgw serve` prints"
+                )
+            }
             Self::Server { path, source } => {
                 write!(f, "no server at {path} ({source}). Start one with `mgw serve`")
             }
@@ -307,6 +315,8 @@ mod tests {
     fn names_that_make_no_sense_are_told_apart() {
         assert!(matches!(refused(""), ConnectError::NoPort));
         assert!(matches!(refused("@9600"), ConnectError::NoPort));
+        #[cfg(unix)]
+        assert!(matches!(refused("unix:"), ConnectError::NoPath));
         for port in [
             "tcp:",
             "tcp:localhost",

@@ -14,8 +14,17 @@ const RULE_FILE: &str = "/etc/udev/rules.d/60-motor-gateway.rules";
 
 /// The failure to open a port, with its reason where the system tells it.
 pub fn explain(error: ConnectError) -> Failure {
-    let ConnectError::Serial { device, source, .. } = &error else { return error.into() };
     let port = |name, text| Failure::Port { name, text };
+    if let ConnectError::Server { path, source } = &error
+        && source.kind() == ErrorKind::PermissionDenied
+    {
+        let text = format!(
+            "you may not open {path}. The socket is its user's own: run as the user who started \
+                `mgw serve`, or use its TCP port"
+        );
+        return port("NoPermission", text);
+    }
+    let ConnectError::Serial { device, source, .. } = &error else { return error.into() };
     if source.kind() == ErrorKind::PermissionDenied {
         return port("NoPermission", no_permission(device));
     }
@@ -75,6 +84,17 @@ fn users(device: &Path) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_may_not_open_a_socket_is_told_whose_it_is() {
+        let path = "/run/user/1000/mgw.sock".to_owned();
+        let source = ErrorKind::PermissionDenied.into();
+        let failure = explain(ConnectError::Server { path, source });
+        let text = failure.to_string();
+        assert_eq!(failure.name(), "NoPermission");
+        assert!(text.starts_with("you may not open /run/user/1000/mgw.sock."), "{text}");
+        assert!(text.contains("the user who started `mgw serve`"), "{text}");
+    }
 
     #[test]
     fn who_may_not_open_a_port_gets_the_rule_that_lets_them() {
