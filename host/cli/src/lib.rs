@@ -41,6 +41,7 @@ mod serve;
 mod server;
 mod session;
 mod states;
+mod stream;
 mod table;
 mod terminal;
 mod top;
@@ -70,7 +71,10 @@ pub fn main() -> ExitCode {
     // Words after an encoded command are its own, and `--json` may be one of them.
     cli.json |=
         matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());
-    ended(run(&cli), cli.json)
+    let code = ended(run(&cli), cli.json);
+    stream::OUT.end();
+    stream::ERR.end();
+    code
 }
 
 /// The exit code of a command; a failure is told.
@@ -210,13 +214,12 @@ fn run(cli: &Cli) -> Result<(), Failure> {
 }
 
 fn tell(failure: &Failure, json: bool) {
-    use std::io::Write;
     let text = if json { failure.to_json().to_string() } else { explain::with_page(failure) };
     let mut before = if json { String::new() } else { format!("{} ", terminal::failed()) };
     // Some failures take several lines.
     for line in text.lines() {
         // With nobody to hear it there is nothing more to do.
-        let _ = writeln!(std::io::stderr(), "{before}{}", printable::printable(line));
+        let _ = stream::ERR.print(format!("{before}{}\n", printable::printable(line)));
         before.clear();
     }
 }

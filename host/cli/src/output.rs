@@ -1,7 +1,6 @@
 //! Standard output: text for people, or JSON for programs. Never panics when nobody reads it.
 
 use std::cell::RefCell;
-use std::io::{self, Write};
 
 use serde::Serialize;
 use serde_json::Value;
@@ -10,6 +9,7 @@ use crate::failure::Failure;
 use crate::faults::Protocols;
 use crate::json;
 use crate::printable::printable;
+use crate::stream;
 use crate::table::Table;
 use crate::terminal::{self, Progress};
 
@@ -85,7 +85,7 @@ impl Output {
         if self.form == Form::Text {
             terminal::something_is_printed();
             // With nobody to hear it there is nothing more to do.
-            let _ = writeln!(io::stderr(), "mgw: {}", printable(line.as_ref()));
+            let _ = stream::ERR.print(format!("mgw: {}\n", printable(line.as_ref())));
         }
     }
 
@@ -126,9 +126,7 @@ impl Output {
 
 fn print_line(line: &str) -> Result<(), Failure> {
     terminal::something_is_printed();
-    let mut out = io::stdout().lock();
-    // Flushed each time: a reader of a stream wants each line when it is printed.
-    writeln!(out, "{}", printable(line)).and_then(|()| out.flush()).map_err(Failure::Output)
+    stream::OUT.print(format!("{}\n", printable(line))).map_err(Failure::Output)
 }
 
 /// A type of the wire as JSON, its numbers as short as they are precise.

@@ -1,6 +1,6 @@
 //! What only a terminal gets: a colour, and a line that tells what is waited for.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use crate::failure::Failure;
 use crate::printable::printable;
 use crate::session::Session;
+use crate::stream;
 
 /// What takes longer than this is told.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -78,7 +79,7 @@ fn tell(what: &str) {
         line.is_shown = true;
         let seconds = line.quiet_since.elapsed().as_secs();
         // With nobody to hear it there is nothing more to do.
-        let _ = write!(io::stderr(), "{CLEAR}{what}: {seconds} s");
+        drop(stream::ERR.send(format!("{CLEAR}{what}: {seconds} s")));
     }
 }
 
@@ -88,7 +89,7 @@ pub fn something_is_printed() {
     if let Some(line) = line.as_mut() {
         line.quiet_since = Instant::now();
         if std::mem::take(&mut line.is_shown) {
-            let _ = write!(io::stderr(), "{CLEAR}");
+            let _ = stream::ERR.print(CLEAR.to_owned());
         }
     }
 }
@@ -105,7 +106,7 @@ pub fn agree(session: &mut Session, yes: bool, what: &str) -> Result<(), Failure
         return Err(no());
     }
     something_is_printed();
-    let _ = write!(io::stderr(), "{}. Go on? [y/N] ", printable(what));
+    let _ = stream::ERR.print(format!("{}. Go on? [y/N] ", printable(what)));
     let (told, heard) = channel();
     // Nobody else reads there until it has ended; an interrupt ends the program.
     thread::spawn(move || {

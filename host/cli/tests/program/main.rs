@@ -38,6 +38,8 @@ mod terminal;
 mod top;
 mod trips;
 mod typed;
+#[cfg(target_os = "linux")]
+mod unread;
 mod update;
 mod vectors;
 #[cfg(unix)]

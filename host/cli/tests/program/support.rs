@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpListener;
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -214,6 +214,14 @@ impl Process {
         (process, found)
     }
 
+    /// One that prints elsewhere; its lines are those of standard error.
+    #[cfg(target_os = "linux")]
+    pub fn printing_to(stdout: impl Into<Stdio>, arguments: &[&str]) -> Self {
+        let mut child = command(arguments).stdout(stdout).spawn().expect("the program starts");
+        let lines = lines_of(child.stderr.take().unwrap());
+        Self { running: Running(child), stdin: None, lines }
+    }
+
     /// The next line for which `find` finds something, and that.
     pub fn wait_for<T>(&self, what: &str, find: impl Fn(&str) -> Option<T>) -> T {
         let end = Instant::now() + LIMIT;
@@ -248,16 +256,39 @@ impl Process {
 
     /// A signal, and the exit code that follows.
     pub fn signal(&mut self, signal: Signal) -> Option<i32> {
+        self.send(signal);
+        self.wait()
+    }
+
+    fn send(&self, signal: Signal) {
         let id = self.running.0.id().cast_signed();
-        signal::kill(Pid::from_raw(id), signal).expect("it runs");
-        // Its output ends when it does.
-        while self.lines.recv_timeout(LIMIT).is_ok() {}
-        self.running.0.wait().expect("it ends").code()
+        signal::kill(Pid::from_raw(id), signal).expect("it is there");
+    }
+
+    /// A signal again and again until it ends, and how.
+    #[cfg(target_os = "linux")]
+    pub fn insist(&mut self, signal: Signal) -> std::process::ExitStatus {
+        let end = Instant::now() + LIMIT;
+        loop {
+            self.send(signal);
+            match self.lines.recv_timeout(Duration::from_millis(100)) {
+                Err(RecvTimeoutError::Disconnected) => break,
+                _ => assert!(Instant::now() < end, "it does not end"),
+            }
+        }
+        self.running.0.wait().expect("it ends")
     }
 
     /// The exit code once it has ended by itself.
     pub fn wait(&mut self) -> Option<i32> {
-        while self.lines.recv_timeout(LIMIT).is_ok() {}
+        // Its output ends when it does.
+        loop {
+            match self.lines.recv_timeout(LIMIT) {
+                Ok(_) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => panic!("it does not end"),
+            }
+        }
         self.running.0.wait().expect("it ends").code()
     }
 
