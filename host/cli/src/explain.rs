@@ -272,7 +272,8 @@ impl Page {
             | Failure::Undecoded { .. }
             | Failure::Demonstration(_)
             | Failure::Unwell { .. }
-            | Failure::Output(_) => return None,
+            | Failure::Output(_)
+            | Failure::CutShort => return None,
         })
     }
 

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use crate::config::Finding;
 use crate::explain::Page;
 use crate::faults::Protocols;
+use crate::interrupt;
 use crate::json;
 use crate::output::number;
 use crate::words;
@@ -82,8 +83,10 @@ pub enum Failure {
     Unwritten { path: String, source: io::Error },
     /// `mgw doctor` has found something.
     Unwell { wrong: usize },
-    /// Nobody reads what is printed.
+    /// Nobody reads what is printed, or it cannot be written.
     Output(io::Error),
+    /// What was under way ended because nobody reads what is printed.
+    CutShort,
 }
 
 impl Failure {
@@ -116,6 +119,7 @@ impl Failure {
             Self::Unwritten { .. } => "Unwritten",
             Self::Unwell { .. } => "Unwell",
             Self::Output(_) => "Output",
+            Self::CutShort => "CutShort",
         }
     }
 
@@ -205,9 +209,27 @@ impl Failure {
         }
     }
 
-    /// Whether there is a reader to tell.
+    /// Whether there is nothing to tell: the reader has seen enough.
     pub fn is_silent(&self) -> bool {
-        matches!(self, Self::Output(_))
+        matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// Of what does more than print: it was not done when its reader went. After an interrupt,
+    /// which may have ended the reader too, it was to end.
+    pub fn cut_short(self) -> Self {
+        if self.is_silent() && !interrupt::is_raised() { Self::CutShort } else { self }
+    }
+
+    /// The first failure; that something could not be printed only where nothing else failed.
+    pub fn first(results: impl IntoIterator<Item = Result<(), Self>>) -> Result<(), Self> {
+        let mut first = Ok(());
+        for next in results {
+            first = match (first, next) {
+                (Err(Self::Output(_)), Err(next)) => Err(next),
+                (first, next) => first.and(next),
+            };
+        }
+        first
     }
 }
 
@@ -373,7 +395,11 @@ impl fmt::Display for Failure {
                     "cannot serve on {address} ({source}). Choose another port, or 0 for a free one"
                 )
             }
-            Self::Output(error) => write!(f, "cannot print ({error})"),
+            Self::Output(error) => write!(f, "standard output: {error}"),
+            Self::CutShort => f.write_str(
+                "this ended before it was done, as nobody reads its output any more; what it had \
+                    armed is stopped",
+            ),
         }
     }
 }

@@ -29,6 +29,7 @@ pub fn while_armed(
 ) -> Result<(), Failure> {
     let mut armed = Vec::new();
     let held = arm_all(session, axes, &mut armed).and_then(|()| act(session, &armed));
+    let held = held.map_err(Failure::cut_short);
     // Whatever happened above: the next frames are the stops of what was armed here, which also
     // disarm.
     let axes: Vec<u8> = armed.iter().map(|armed| armed.axis).collect();
@@ -41,7 +42,7 @@ pub fn while_armed(
         Ok(()) | Err(Failure::Client(ClientError::Interrupted { armed: true })) => {
             await_stops(session, &armed)
         }
-        Err(failure) => await_stops(session, &armed).and(Err(failure)),
+        Err(failure) => Failure::first([await_stops(session, &armed), Err(failure)]),
     }
 }
 
@@ -99,14 +100,16 @@ fn await_stops(session: &mut Session, held: &[ArmedAxis]) -> Result<(), Failure>
     let mut result = Ok(());
     for ArmedAxis { axis, .. } in held.iter().copied() {
         let ended = session.await_stop(axis).and_then(|report| {
-            tell_stopped(session, &report)?;
+            let told = tell_stopped(session, &report);
             let trip = report.trip.filter(|_| matches!(report.state, AxisState::Tripped { .. }));
-            trip.map_or(Ok(()), |trip| Err(Failure::tripped(axis, &trip, session.out.motors)))
+            trip.map_or(told, |trip| Err(Failure::tripped(axis, &trip, session.out.motors)))
         });
-        if let (Err(_), Err(further)) = (&result, &ended) {
+        if let (Err(_), Err(further)) = (&result, &ended)
+            && !further.is_silent()
+        {
             session.out.aside(further.to_string());
         }
-        result = result.and(ended);
+        result = Failure::first([result, ended]);
     }
     result
 }

@@ -197,25 +197,23 @@ fn diff(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
     let running = config::read(&mut session.client)?;
     let wanted = wanted(session, file, &running)?;
     let changes = running.changes_to(&wanted);
-    for change in &changes {
-        session.out.text(running.shown(change))?;
-    }
+    let mut lines: Vec<String> = changes.iter().map(|change| running.shown(change)).collect();
     let mut objects: Vec<Json> = changes.iter().map(config::change_to_json).collect();
     for (axis, timeout_ms) in &wanted.motor_timeouts {
         let known = running.motor_timeouts.get(axis);
         if known.is_none_or(|known| known != timeout_ms) {
             let known = known.map_or("not known".to_owned(), |known| format!("{known} ms"));
-            session.out.text(format!("axis {axis}: {MOTOR_TIMEOUT} {known} -> {timeout_ms} ms"))?;
+            lines.push(format!("axis {axis}: {MOTOR_TIMEOUT} {known} -> {timeout_ms} ms"));
             objects.push(json!({ "axis": axis, "parameter": MOTOR_TIMEOUT, "value": timeout_ms }));
         }
     }
     let count = objects.len();
-    session.out.object(&json!({ "differences": objects }))?;
-    if count == 0 {
-        Ok(())
-    } else {
-        Err(Failure::Differs { path: file.source.path.clone(), count })
-    }
+    let printed = lines
+        .iter()
+        .try_for_each(|line| session.out.text(line))
+        .and_then(|()| session.out.object(&json!({ "differences": objects })));
+    let differs = Failure::Differs { path: file.source.path.clone(), count };
+    Failure::first([if count == 0 { Ok(()) } else { Err(differs) }, printed])
 }
 
 fn dump(session: &mut Session, template: Option<&Source>) -> Result<(), Failure> {

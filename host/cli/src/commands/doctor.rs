@@ -84,6 +84,11 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     clock(session, began, &mut findings)?;
 
     let wrong = findings.0.iter().filter(|line| line.grade == Grade::Wrong).count();
+    let verdict = if wrong > 0 { Err(Failure::Unwell { wrong }) } else { Ok(()) };
+    Failure::first([verdict, print(session, &findings, wrong)])
+}
+
+fn print(session: &Session, findings: &Findings, wrong: usize) -> Result<(), Failure> {
     let lines = findings.0.iter().map(|Line { of, grade, text, page }| {
         let page = page.map(Page::code);
         json!({ "of": of, "grade": name(*grade), "message": text, "explain": page })
@@ -93,7 +98,7 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
         let page = page.map(|page| format!(" {page}")).unwrap_or_default();
         session.out.text(format!("{:<6}{of:<10}{text}{page}", name(*grade)))?;
     }
-    if wrong > 0 { Err(Failure::Unwell { wrong }) } else { Ok(()) }
+    Ok(())
 }
 
 fn name(grade: Grade) -> &'static str {

@@ -50,7 +50,9 @@ where
         Err(error) => Err(error.into()),
         Ok(armed) => {
             let armed_axis = ArmedAxis { axis, epoch: armed.epoch, ttl };
-            tell_armed(session.out, axis, &armed).and_then(|()| act(session, armed_axis))
+            tell_armed(session.out, axis, &armed)
+                .and_then(|()| act(session, armed_axis))
+                .map_err(Failure::cut_short)
         }
     };
     // Whatever happened above: the next frame is its stop. An interrupt has been followed by it
@@ -60,14 +62,15 @@ where
         return Err(Failure::lost(&[axis], error));
     }
     let report = session.await_stop(axis)?;
-    let tripped = print_confirmation(session, axis)?;
+    let mut tripped = None;
+    let confirmed = print_confirmation(session, axis, &mut tripped);
     let told = acted.and_then(|tell| tell(session, &report));
-    tell_stopped(session, &report)?;
+    let stopped = tell_stopped(session, &report);
     match (report.state, report.trip) {
         (AxisState::Tripped { .. }, Some(trip)) => {
             Err(Failure::tripped(axis, &trip, session.out.motors))
         }
-        _ => tripped.map_or(told, Err),
+        _ => Failure::first([tripped.map_or(Ok(()), Err), told, confirmed, stopped]),
     }
 }
 
@@ -233,20 +236,24 @@ pub fn no_longer_armed(report: &AxisReport, epoch: u32, motors: Protocols) -> Op
     }
 }
 
-/// The event with the times of the stop may come a little after the reply with the state. Returns
+/// The event with the times of the stop may come a little after the reply with the state. Keeps
 /// the trip of the axis, if there was one.
-fn print_confirmation(session: &mut Session, axis: u8) -> Result<Option<Failure>, Failure> {
+fn print_confirmation(
+    session: &mut Session,
+    axis: u8,
+    tripped: &mut Option<Failure>,
+) -> Result<(), Failure> {
     let end = session.client.now() + EVENT_PATIENCE;
-    let mut tripped = None;
+    let mut printed = Ok(());
     while session.client.now() < end
         && let Some(message) =
             session.client.poll_event(end.saturating_sub(session.client.now()))?
     {
-        print_event(&message, session.out)?;
-        tripped = tripped.or(trip_of(&message.event, &[axis], session.out.motors));
+        printed = printed.and(print_event(&message, session.out));
+        *tripped = tripped.take().or(trip_of(&message.event, &[axis], session.out.motors));
         if matches!(message.event, Event::StopConfirmed { axis: of, .. } if of == axis) {
             break;
         }
     }
-    Ok(tripped)
+    printed
 }

@@ -76,10 +76,10 @@ fn tell(
         .map_or("an unknown place".to_owned(), |position| format!("{:.3} rad", position.value));
     let text = if arrived { "has arrived" } else { "has not arrived" };
     let position = position.map_or(Value::Null, |position| number(position.value));
-    session.out.event(
+    let printed = session.out.event(
         "move_ended",
         format!("axis {axis} {text}: it is at {place}"),
         json!({ "axis": axis, "arrived": arrived, "position_rad": position }),
-    )?;
-    if arrived { Ok(()) } else { Err(Failure::NotArrived { axis, place, target_rad }) }
+    );
+    if arrived { printed } else { Err(Failure::NotArrived { axis, place, target_rad }) }
 }

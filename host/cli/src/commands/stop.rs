@@ -78,15 +78,16 @@ pub fn send_first(
 
 /// Waits for the confirmations of a stop that the gateway has taken.
 pub fn report(session: &mut Session, request: StopRequest) -> Result<(), Failure> {
+    let mut printed = Ok(());
     if request == StopRequest::EStop {
         let text = "e-stop is latched; `mgw clear gateway` and `mgw clear AXIS` release it";
-        session.out.text(text)?;
+        printed = session.out.text(text);
     }
     let axes = match request {
         StopRequest::Stop(StopTarget::Axis(axis)) => vec![axis],
         StopRequest::Stop(StopTarget::All) | StopRequest::EStop => session.axes_or_all(&[])?,
     };
-    stop_report::report(session, &axes)
+    Failure::first([printed, stop_report::report(session, &axes)])
 }
 
 /// Clears a trip or the e-stop; a trip whose stop is not confirmed only if that is asked for.

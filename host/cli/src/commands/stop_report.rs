@@ -52,19 +52,22 @@ pub fn objects(outcomes: &[(u8, Outcome)], motors: &Protocols) -> Vec<Value> {
 /// Waits for the stops of these axes and prints what each came to.
 pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
     let (outcomes, result) = await_all(session, axes);
+    Failure::first([result, print(session, &outcomes)])
+}
+
+fn print(session: &Session, outcomes: &[(u8, Outcome)]) -> Result<(), Failure> {
     let reports: Vec<AxisReport> =
         outcomes.iter().filter_map(|(_, outcome)| outcome.report()).collect();
     if !reports.is_empty() {
         session.out.table(&states::table(&reports, &session.out.motors, &session.known_names()))?;
     }
-    for (axis, outcome) in &outcomes {
+    for (axis, outcome) in outcomes {
         if let Some(reason) = outcome.nothing_to_stop() {
             session.out.text(nothing_to_stop(*axis, &reason))?;
         }
     }
-    let objects = objects(&outcomes, &session.out.motors);
-    session.out.object(&json!({ "axes": objects }))?;
-    result
+    let objects = objects(outcomes, &session.out.motors);
+    session.out.object(&json!({ "axes": objects }))
 }
 
 fn nothing_to_stop(axis: u8, reason: &str) -> String {

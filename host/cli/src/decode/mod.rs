@@ -42,6 +42,11 @@ pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
     }
     let output = BufWriter::with_capacity(BUFFER, io::stdout().lock());
     let mut decoder = Decoder::new(args, Record::new(output, json));
+    let read = read_all(&mut decoder, args);
+    Failure::first([read, decoder.end()])
+}
+
+fn read_all<W: Write>(decoder: &mut Decoder<'_, W>, args: &DecodeArgs) -> Result<(), Failure> {
     if args.files.is_empty() {
         decoder.read("standard input", io::stdin().lock())?;
     }
@@ -55,7 +60,7 @@ pub fn run(args: &DecodeArgs, json: bool) -> Result<(), Failure> {
             File::open(path).map_err(|source| Failure::File { path: name.to_string(), source })?;
         decoder.read(&name, file)?;
     }
-    decoder.end()
+    Ok(())
 }
 
 /// Decodes a text as a file, into lines of JSON.
@@ -134,9 +139,9 @@ impl<'a, W: Write> Decoder<'a, W> {
 
     /// Whether all could be decoded.
     fn end(mut self) -> Result<(), Failure> {
-        self.record.flush().map_err(Failure::Output)?;
+        let printed = self.record.flush().map_err(Failure::Output);
         match self.record.failed() {
-            (0, _) => Ok(()),
+            (0, _) => printed,
             (failed, total) => Err(Failure::Undecoded { failed, total }),
         }
     }

@@ -153,7 +153,8 @@ fn choose(
     let _ = write!(asked, "Several ports may lead to a gateway:\n{}Which one? ", list.concat());
     let _ = asked.flush();
     let mut line = String::new();
-    answer.read_line(&mut line).map_err(Failure::Output)?;
+    let failed = |source| Failure::File { path: "standard input".to_owned(), source };
+    answer.read_line(&mut line).map_err(failed)?;
     let place = line.trim().parse::<usize>().ok().and_then(|place| place.checked_sub(1));
     let chosen = place.and_then(|place| candidates.get(place)).cloned();
     chosen.ok_or_else(|| {

@@ -1,12 +1,14 @@
 //! Standard output that nobody reads, whose reader goes, or that takes nothing.
 
+use std::fs::File;
 use std::io::{PipeReader, PipeWriter, Write, pipe};
 use std::os::unix::process::ExitStatusExt;
+use std::process::Stdio;
 
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::sys::signal::Signal;
 
-use crate::support::{Process, Sim};
+use crate::support::{Process, Sim, file, json, mgw_cut_short};
 
 /// What a pipe holds at least.
 const PIPE: i32 = 4_096;
@@ -49,4 +51,70 @@ fn a_second_signal_ends_it_whatever_it_waits_for() {
     let mut host = turning(&sim, writer);
     sim.typed("motor 0 mute");
     assert_eq!(host.insist(Signal::SIGINT).signal(), Some(Signal::SIGINT as i32));
+}
+
+/// Of a stop that is not confirmed.
+const NOT_CONFIRMED: &str = "E-stop-not-confirmed";
+
+#[test]
+fn a_verdict_outlives_its_reader() {
+    let mut sim = Sim::patient();
+    sim.mgw_once_in_command(&["config", "axis", "7", "bus=0"]).success();
+    let nothing = file("nothing.toml");
+    std::fs::write(&nothing, "").expect("a file");
+    let cut_short = |words: &[&str], lines| {
+        let arguments = [&["--port", &sim.port], words].concat();
+        mgw_cut_short(&arguments, Stdio::null(), lines)
+    };
+    let said = cut_short(&["config", "diff", &nothing], 0).failure(1);
+    assert!(said.contains("settings other than"), "{said}");
+    let said = cut_short(&["doctor"], 0).failure(1);
+    assert!(said.contains("wrong"), "{said}");
+    assert_eq!(cut_short(&["info"], 0).code, Some(0));
+    sim.typed("motor 0 mute");
+    let arguments = ["--port", &sim.port, "stop", "0"];
+    let said = mgw_cut_short(&arguments, Stdio::null(), 0).failure(3);
+    assert!(said.contains(NOT_CONFIRMED), "{said}");
+}
+
+#[test]
+fn a_motion_whose_reader_goes_is_stopped_and_no_success() {
+    let sim = Sim::patient();
+    for words in [
+        "move 0 20 --speed-limit 1",
+        "set 0 velocity 2 --for 60",
+        "cycle 0 velocity 2 --rate 100 --for 60",
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        let arguments = [&["--json", "--port", &sim.port], &*words].concat();
+        let outcome = mgw_cut_short(&arguments, Stdio::null(), 1);
+        let error = json(&outcome.failure(1));
+        assert_eq!(error["error"]["name"], "cut_short", "{words:?}");
+        let state = sim.await_state("0", |_| true);
+        assert_eq!(state["state"], "holding", "{words:?}: {state}");
+    }
+}
+
+#[test]
+fn undecoded_lines_are_a_failure_without_a_reader() {
+    let path = file("undecoded.log");
+    std::fs::write(&path, "zz\n".repeat(1_000)).expect("a file");
+    let said = mgw_cut_short(&["decode", &path], Stdio::null(), 0).failure(1);
+    assert!(said.contains("no frame that could be decoded"), "{said}");
+}
+
+#[test]
+fn a_full_disk_is_told_and_hides_no_other_failure() {
+    let mut sim = Sim::patient();
+    let full = || File::options().write(true).open("/dev/full").expect("it is there");
+    let port = sim.port.clone();
+    let mut info = Process::printing_to(full(), &["--port", &port, "info"]);
+    info.wait_for("the failure", |line| {
+        line.contains("standard output: No space left on device").then_some(())
+    });
+    assert_eq!(info.wait(), Some(1));
+    sim.typed("motor 0 mute");
+    let mut stop = Process::printing_to(full(), &["--port", &port, "stop", "0"]);
+    stop.wait_for("the failure", |line| line.contains(NOT_CONFIRMED).then_some(()));
+    assert_eq!(stop.wait(), Some(3));
 }
