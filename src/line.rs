@@ -7,15 +7,18 @@
 //! new ones not. Here DMA fills a ring round and round and is never stopped; who was too slow goes
 //! on with the next byte that comes. And the driver's `flush` may never return.
 
+mod ring;
+
+pub use ring::Overflow;
+
 use core::future::poll_fn;
 use core::marker::PhantomData;
 use core::mem;
 use core::pin::pin;
-use core::ptr::NonNull;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::task::Poll;
 
-use embassy_stm32::dma::ReadableRingBuffer;
+use embassy_stm32::dma::{ChannelInstance, Transfer, TransferOptions};
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::mode::Async;
 use embassy_stm32::pac::usart::Usart;
@@ -26,6 +29,7 @@ use embassy_time::{Duration, TimeoutError, Timer, with_timeout};
 use host_protocol::DELIMITER;
 
 use crate::dma_memory::Buffer;
+use ring::Ring;
 
 /// Bits of a byte on the line: start, 8 data, stop.
 const BITS_PER_BYTE: u64 = 10;
@@ -33,9 +37,6 @@ const BITS_PER_BYTE: u64 = 10;
 const DRIVER_ENABLE_BITS: u64 = 4;
 /// A byte that is arriving is waited for, and the one behind it.
 const ARRIVING_BYTES: usize = 2;
-/// How often a stream that is to be stopped is looked at: it stops when the byte on its way has
-/// arrived.
-const STREAM_POLLS: usize = 1000;
 /// What a transmission may take longer than its bits before it counts as hung.
 const MARGIN: Duration = Duration::from_millis(2);
 
@@ -47,6 +48,8 @@ pub struct LineEvents {
     errors: AtomicU32,
     /// Bytes taken from the ring since the start, modulo 2³².
     heard: AtomicU32,
+    /// Rounds of the ring that DMA has completed, modulo 2³².
+    rounds: AtomicU32,
     /// The ring is to be set up anew.
     restart: AtomicBool,
 }
@@ -59,6 +62,7 @@ impl LineEvents {
             sent: Signal::new(),
             errors: AtomicU32::new(0),
             heard: AtomicU32::new(0),
+            rounds: AtomicU32::new(0),
             restart: AtomicBool::new(false),
         }
     }
@@ -102,28 +106,37 @@ impl LineErrors {
     }
 }
 
-/// The ring that DMA fills.
-type Ring = ReadableRingBuffer<'static, u8>;
-
 /// A USART of the chip that is served here.
 pub trait Instance: usart::Instance {
     /// Its registers.
     fn registers() -> Usart;
     /// Its events.
     fn events() -> &'static LineEvents;
-    /// Sets the DMA stream of its receiver up, to fill this memory. What it did before is over.
+    /// The DMA stream of its receiver.
+    type Stream: ChannelInstance;
+    /// Whether the stream has completed a round of its ring, and its interrupt has not been served.
+    fn has_completed_round() -> bool;
+    /// Has the stream fill this memory. What it did before is over.
     ///
     /// # Safety
     ///
-    /// One ring at a time.
-    unsafe fn ring(memory: NonNull<[u8]>) -> Ring;
+    /// One transfer at a time.
+    unsafe fn fill(memory: *mut [u8], options: TransferOptions) -> Transfer<'static>;
 }
 
-/// Makes a USART of the chip an [`Instance`]: its name, that of its receiver's DMA stream, and what
-/// binds their interrupts.
+/// Makes a USART of the chip an [`Instance`]: its name, that of its receiver's DMA stream, what binds
+/// their interrupts, and the flags of the stream with its number among them.
 macro_rules! instance {
-    ($name:ident, $stream:ident, $irqs:expr) => {
+    ($name:ident, $stream:ident, $irqs:expr, $flags:expr, $number:expr) => {
         impl $crate::line::Instance for embassy_stm32::peripherals::$name {
+            type Stream = embassy_stm32::peripherals::$stream;
+
+            fn has_completed_round() -> bool {
+                let flags = $flags.read();
+                // The driver serves the first half first, and is called again.
+                flags.tcif($number) && !flags.htif($number)
+            }
+
             fn registers() -> embassy_stm32::pac::usart::Usart {
                 // Safety: the block of this peripheral; a low-power one has the registers that are
                 // used here at the same places.
@@ -135,25 +148,25 @@ macro_rules! instance {
                 static EVENTS: $crate::line::LineEvents = $crate::line::LineEvents::new();
                 &EVENTS
             }
-            unsafe fn ring(
-                mut memory: core::ptr::NonNull<[u8]>,
-            ) -> embassy_stm32::dma::ReadableRingBuffer<'static, u8> {
+
+            unsafe fn fill(
+                memory: *mut [u8],
+                options: embassy_stm32::dma::TransferOptions,
+            ) -> embassy_stm32::dma::Transfer<'static> {
                 use embassy_stm32::peripherals;
                 use embassy_stm32::usart::RxDma;
                 // Safety: the driver's receiver, which was given the stream, is never used.
                 let stream = unsafe { peripherals::$stream::steal() };
                 let request = RxDma::<peripherals::$name>::request(&*stream);
-                let channel = embassy_stm32::dma::Channel::new(stream, $irqs);
+                let mut channel = embassy_stm32::dma::Channel::new(stream, $irqs);
                 let data = <Self as $crate::line::Instance>::registers().rdr().as_ptr().cast();
-                // Safety: the caller's; the register is read a byte at a time.
+                // Safety: the caller's; the register is read a byte at a time, and the channel is
+                // only a number, which the transfer takes with it.
                 unsafe {
-                    embassy_stm32::dma::ReadableRingBuffer::new(
-                        channel,
-                        request,
-                        data,
-                        memory.as_mut(),
-                        Default::default(),
-                    )
+                    core::mem::transmute::<
+                        embassy_stm32::dma::Transfer<'_>,
+                        embassy_stm32::dma::Transfer<'static>,
+                    >(channel.read_raw::<u8, u8>(request, data, memory, options))
                 }
             }
         }
@@ -172,7 +185,9 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
         let usart = T::registers();
         let flags = usart.isr().read();
         let enabled = usart.cr1().read();
-        if (flags.cmf() && enabled.cmie()) || (flags.idle() && enabled.idleie()) {
+        let has_matched = flags.cmf() && enabled.cmie();
+        let is_idle = flags.idle() && enabled.idleie();
+        if has_matched || is_idle {
             usart.icr().write(|w| {
                 w.set_cmf(flags.cmf());
                 w.set_idle(flags.idle());
@@ -195,16 +210,24 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
     }
 }
 
-/// More bytes came than the ring holds before they were read. The next read goes on with what comes
-/// from now on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
-pub struct Overflow;
+/// Counts the rounds of the ring in the interrupt of a line's DMA stream, and has what has come
+/// looked at. It comes before the driver's handler, which clears the flags.
+pub struct RingInterruptHandler<T: Instance> {
+    usart: PhantomData<T>,
+}
+
+impl<T: Instance> Handler<<T::Stream as ChannelInstance>::Interrupt> for RingInterruptHandler<T> {
+    unsafe fn on_interrupt() {
+        if T::has_completed_round() {
+            T::events().rounds.fetch_add(1, Ordering::Release);
+        }
+        T::events().arrived.signal(());
+    }
+}
 
 /// The receiving half of a line.
 pub struct Receiver {
     ring: Ring,
-    memory: NonNull<[u8]>,
-    make: unsafe fn(NonNull<[u8]>) -> Ring,
     registers: Usart,
     /// What ends what is to be read.
     ends: Ends,
@@ -243,33 +266,23 @@ impl Receiver {
     fn start<T: Instance>(driver: UartRx<'static, Async>, memory: Buffer, ends: Ends) -> Self {
         // It holds the pin and the clock; both are in use from now on.
         mem::forget(driver);
-        let (registers, memory) = (T::registers(), NonNull::from(memory.into_bytes()));
-        // Safety: the first ring of this line, and `restart` ends one before it makes the next.
-        let ring = unsafe { T::ring(memory) };
-        let mut receiver = Self {
-            ring,
-            memory,
-            make: T::ring,
-            registers,
-            ends,
-            has_more: false,
-            is_inside: false,
-            events: T::events(),
-        };
-        receiver.ring.start();
+        let registers = T::registers();
+        // Safety: the only ring of this line.
+        let ring = unsafe { Ring::start(memory, T::fill, &T::events().rounds) };
         registers.cr3().modify(|w| {
             w.set_eie(true);
             w.set_dmar(true);
         });
-        receiver
+        Self { ring, registers, ends, has_more: false, is_inside: false, events: T::events() }
     }
 
     /// Takes what has come, as much as fits; nothing if nothing has.
     fn take(&mut self, bytes: &mut [u8]) -> Result<usize, Overflow> {
         if self.events.restart.swap(false, Ordering::Relaxed) {
-            self.restart();
+            self.registers.rqr().write(|w| w.set_rxfrq(true));
+            self.ring.restart();
         }
-        let (length, _) = self.ring.read(bytes).map_err(|_| Overflow)?;
+        let length = self.ring.take(bytes)?;
         self.events.heard.fetch_add(u32::try_from(length).unwrap_or(u32::MAX), Ordering::Relaxed);
         Ok(length)
     }
@@ -284,11 +297,10 @@ impl Receiver {
     ) -> impl Future<Output = Result<usize, Overflow>> + Unpin {
         let mut looks = mem::take(&mut self.has_more) || self.ends == Ends::Idle;
         poll_fn(move |context| {
-            self.ring.set_waker(context.waker());
             let arrived = self.events.arrived.wait();
             // Taken back first: what comes behind what is read is told anew.
             let has_arrived = pin!(arrived).poll(context).is_ready();
-            if !has_arrived && (!mem::replace(&mut looks, true) || self.ring.len() == Ok(0)) {
+            if !has_arrived && (!mem::replace(&mut looks, true) || self.ring.is_empty()) {
                 return Poll::Pending;
             }
             let result = self.take(bytes);
@@ -307,23 +319,6 @@ impl Receiver {
         {
             self.registers.cr1().modify(|w| w.set_idleie(is_inside));
         }
-    }
-
-    /// Sets the DMA stream up anew, as it may lock (ES0392, "DMA stream locked when transferring
-    /// data to/from USART/UART"). What has come is lost.
-    fn restart(&mut self) {
-        self.ring.request_pause();
-        for _ in 0..STREAM_POLLS {
-            if !self.ring.is_running() {
-                break;
-            }
-        }
-        // Safety: the stream has been stopped, and the ring before is forgotten: its end would wait
-        // for a stream that hangs.
-        let ring = unsafe { (self.make)(self.memory) };
-        mem::forget(mem::replace(&mut self.ring, ring));
-        self.registers.rqr().write(|w| w.set_rxfrq(true));
-        self.ring.start();
     }
 }
 

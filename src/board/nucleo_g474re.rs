@@ -151,11 +151,11 @@ bind_interrupts!(struct Irqs {
     USART3 => line::InterruptHandler<USART3>;
     LPUART1 => line::InterruptHandler<LPUART1>;
     USART1 => line::InterruptHandler<USART1>;
-    DMA1_CHANNEL1 => dma::InterruptHandler<DMA1_CH1>;
+    DMA1_CHANNEL1 => line::RingInterruptHandler<LPUART1>, dma::InterruptHandler<DMA1_CH1>;
     DMA1_CHANNEL2 => dma::InterruptHandler<DMA1_CH2>;
-    DMA1_CHANNEL3 => dma::InterruptHandler<DMA1_CH3>;
+    DMA1_CHANNEL3 => line::RingInterruptHandler<USART1>, dma::InterruptHandler<DMA1_CH3>;
     DMA1_CHANNEL4 => dma::InterruptHandler<DMA1_CH4>;
-    DMA1_CHANNEL5 => dma::InterruptHandler<DMA1_CH5>;
+    DMA1_CHANNEL5 => line::RingInterruptHandler<USART3>, dma::InterruptHandler<DMA1_CH5>;
     DMA1_CHANNEL6 => dma::InterruptHandler<DMA1_CH6>;
     USB_LP => usb::InterruptHandler<USB>;
     EXTI4 => exti::InterruptHandler<EXTI4>;
@@ -177,9 +177,9 @@ unsafe impl Binding<interrupt::typelevel::USART1, usart::InterruptHandler<USART1
 fdcan::instance!(FDCAN1, FDCANRAM1 + 0, all_to_second_line);
 fdcan::instance!(FDCAN2, FDCANRAM2 + 0, all_to_second_line);
 fdcan::instance!(FDCAN3, FDCANRAM3 + 0, all_to_second_line);
-line::instance!(USART3, DMA1_CH5, Irqs);
-line::instance!(LPUART1, DMA1_CH1, Irqs);
-line::instance!(USART1, DMA1_CH3, Irqs);
+line::instance!(USART3, DMA1_CH5, Irqs, pac::DMA1.isr(), 4);
+line::instance!(LPUART1, DMA1_CH1, Irqs, pac::DMA1.isr(), 0);
+line::instance!(USART1, DMA1_CH3, Irqs, pac::DMA1.isr(), 2);
 
 /// One bit for each group of sources.
 fn all_to_second_line(w: &mut pac::can::regs::Ils) {

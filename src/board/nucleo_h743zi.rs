@@ -138,11 +138,11 @@ bind_interrupts!(struct Irqs {
     USART2 => line::InterruptHandler<USART2>;
     USART3 => line::InterruptHandler<USART3>;
     USART6 => line::InterruptHandler<USART6>;
-    DMA1_STREAM0 => dma::InterruptHandler<DMA1_CH0>;
+    DMA1_STREAM0 => line::RingInterruptHandler<USART3>, dma::InterruptHandler<DMA1_CH0>;
     DMA1_STREAM1 => dma::InterruptHandler<DMA1_CH1>;
-    DMA1_STREAM2 => dma::InterruptHandler<DMA1_CH2>;
+    DMA1_STREAM2 => line::RingInterruptHandler<USART6>, dma::InterruptHandler<DMA1_CH2>;
     DMA1_STREAM3 => dma::InterruptHandler<DMA1_CH3>;
-    DMA1_STREAM4 => dma::InterruptHandler<DMA1_CH4>;
+    DMA1_STREAM4 => line::RingInterruptHandler<USART2>, dma::InterruptHandler<DMA1_CH4>;
     DMA1_STREAM5 => dma::InterruptHandler<DMA1_CH5>;
     OTG_FS => usb::InterruptHandler<USB_OTG_FS>;
     EXTI15_10 => exti::InterruptHandler<EXTI15_10>;
@@ -162,9 +162,9 @@ unsafe impl Binding<interrupt::typelevel::USART6, usart::InterruptHandler<USART6
 // Where the driver lays out the message RAM of each.
 fdcan::instance!(FDCAN1, FDCANRAM + 0x000, all_to_second_line);
 fdcan::instance!(FDCAN2, FDCANRAM + 0xC00, all_to_second_line);
-line::instance!(USART2, DMA1_CH4, Irqs);
-line::instance!(USART3, DMA1_CH0, Irqs);
-line::instance!(USART6, DMA1_CH2, Irqs);
+line::instance!(USART2, DMA1_CH4, Irqs, pac::DMA1.isr(1), 0);
+line::instance!(USART3, DMA1_CH0, Irqs, pac::DMA1.isr(0), 0);
+line::instance!(USART6, DMA1_CH2, Irqs, pac::DMA1.isr(0), 2);
 
 /// One bit for each source.
 fn all_to_second_line(w: &mut pac::can::regs::Ils) {
