@@ -15,7 +15,7 @@ use core::future::poll_fn;
 use core::marker::PhantomData;
 use core::mem;
 use core::pin::pin;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use core::task::Poll;
 
 use embassy_stm32::dma::{ChannelInstance, Transfer, TransferOptions};
@@ -50,6 +50,8 @@ pub struct LineEvents {
     heard: AtomicU32,
     /// Rounds of the ring that DMA has completed, modulo 2³².
     rounds: AtomicU32,
+    /// How much of the round was left at the last delimiter.
+    delimiter_at: AtomicU16,
     /// The ring is to be set up anew.
     restart: AtomicBool,
 }
@@ -63,6 +65,7 @@ impl LineEvents {
             errors: AtomicU32::new(0),
             heard: AtomicU32::new(0),
             rounds: AtomicU32::new(0),
+            delimiter_at: AtomicU16::new(0),
             restart: AtomicBool::new(false),
         }
     }
@@ -80,6 +83,14 @@ impl LineEvents {
     /// What was sent last has left, and nobody has waited for that yet.
     pub fn has_sent(&self) -> bool {
         self.sent.signaled()
+    }
+
+    /// Whether a delimiter comes behind more than the one before it: alone it begins a frame, and
+    /// says nothing. Where DMA is late it counts as the end of one. `remaining`: of the round.
+    fn ends_something(&self, remaining: u16) -> bool {
+        let before = self.delimiter_at.load(Ordering::Relaxed);
+        self.delimiter_at.store(remaining, Ordering::Relaxed);
+        before != remaining.wrapping_add(1)
     }
 
     /// Asks for a ring that is set up anew.
@@ -116,6 +127,8 @@ pub trait Instance: usart::Instance {
     type Stream: ChannelInstance;
     /// Whether the stream has completed a round of its ring, and its interrupt has not been served.
     fn has_completed_round() -> bool;
+    /// How many bytes of its round the stream has still to fill.
+    fn remaining() -> u16;
     /// Has the stream fill this memory. What it did before is over.
     ///
     /// # Safety
@@ -125,9 +138,9 @@ pub trait Instance: usart::Instance {
 }
 
 /// Makes a USART of the chip an [`Instance`]: its name, that of its receiver's DMA stream, what binds
-/// their interrupts, and the flags of the stream with its number among them.
+/// their interrupts, and the stream's registers, flags and number among these.
 macro_rules! instance {
-    ($name:ident, $stream:ident, $irqs:expr, $flags:expr, $number:expr) => {
+    ($name:ident, $stream:ident, $irqs:expr, $registers:expr, $flags:expr, $number:expr) => {
         impl $crate::line::Instance for embassy_stm32::peripherals::$name {
             type Stream = embassy_stm32::peripherals::$stream;
 
@@ -135,6 +148,10 @@ macro_rules! instance {
                 let flags = $flags.read();
                 // The driver serves the first half first, and is called again.
                 flags.tcif($number) && !flags.htif($number)
+            }
+
+            fn remaining() -> u16 {
+                $registers.ndtr().read().ndt()
             }
 
             fn registers() -> embassy_stm32::pac::usart::Usart {
@@ -192,7 +209,9 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
                 w.set_cmf(flags.cmf());
                 w.set_idle(flags.idle());
             });
-            T::events().arrived.signal(());
+            if is_idle || T::events().ends_something(T::remaining()) {
+                T::events().arrived.signal(());
+            }
         }
         if flags.fe() || flags.ne() || flags.ore() {
             usart.icr().write(|w| {
@@ -281,6 +300,7 @@ impl Receiver {
         if self.events.restart.swap(false, Ordering::Relaxed) {
             self.registers.rqr().write(|w| w.set_rxfrq(true));
             self.ring.restart();
+            self.events.delimiter_at.store(0, Ordering::Relaxed);
         }
         let length = self.ring.take(bytes)?;
         self.events.heard.fetch_add(u32::try_from(length).unwrap_or(u32::MAX), Ordering::Relaxed);

@@ -177,9 +177,9 @@ unsafe impl Binding<interrupt::typelevel::USART1, usart::InterruptHandler<USART1
 fdcan::instance!(FDCAN1, FDCANRAM1 + 0, all_to_second_line);
 fdcan::instance!(FDCAN2, FDCANRAM2 + 0, all_to_second_line);
 fdcan::instance!(FDCAN3, FDCANRAM3 + 0, all_to_second_line);
-line::instance!(USART3, DMA1_CH5, Irqs, pac::DMA1.isr(), 4);
-line::instance!(LPUART1, DMA1_CH1, Irqs, pac::DMA1.isr(), 0);
-line::instance!(USART1, DMA1_CH3, Irqs, pac::DMA1.isr(), 2);
+line::instance!(USART3, DMA1_CH5, Irqs, pac::DMA1.ch(4), pac::DMA1.isr(), 4);
+line::instance!(LPUART1, DMA1_CH1, Irqs, pac::DMA1.ch(0), pac::DMA1.isr(), 0);
+line::instance!(USART1, DMA1_CH3, Irqs, pac::DMA1.ch(2), pac::DMA1.isr(), 2);
 
 /// One bit for each group of sources.
 fn all_to_second_line(w: &mut pac::can::regs::Ils) {

@@ -162,9 +162,9 @@ unsafe impl Binding<interrupt::typelevel::USART6, usart::InterruptHandler<USART6
 // Where the driver lays out the message RAM of each.
 fdcan::instance!(FDCAN1, FDCANRAM + 0x000, all_to_second_line);
 fdcan::instance!(FDCAN2, FDCANRAM + 0xC00, all_to_second_line);
-line::instance!(USART2, DMA1_CH4, Irqs, pac::DMA1.isr(1), 0);
-line::instance!(USART3, DMA1_CH0, Irqs, pac::DMA1.isr(0), 0);
-line::instance!(USART6, DMA1_CH2, Irqs, pac::DMA1.isr(0), 2);
+line::instance!(USART2, DMA1_CH4, Irqs, pac::DMA1.st(4), pac::DMA1.isr(1), 0);
+line::instance!(USART3, DMA1_CH0, Irqs, pac::DMA1.st(0), pac::DMA1.isr(0), 0);
+line::instance!(USART6, DMA1_CH2, Irqs, pac::DMA1.st(2), pac::DMA1.isr(0), 2);
 
 /// One bit for each source.
 fn all_to_second_line(w: &mut pac::can::regs::Ils) {
