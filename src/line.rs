@@ -37,6 +37,8 @@ const BITS_PER_BYTE: u64 = 10;
 const DRIVER_ENABLE_BITS: u64 = 4;
 /// A byte that is arriving is waited for, and the one behind it.
 const ARRIVING_BYTES: usize = 2;
+/// Of delimiters without anything between them one in so many is looked at.
+const DELIMITERS_AT_ONCE: u16 = 16;
 /// What a transmission may take longer than its bits before it counts as hung.
 const MARGIN: Duration = Duration::from_millis(2);
 
@@ -85,12 +87,14 @@ impl LineEvents {
         self.sent.signaled()
     }
 
-    /// Whether a delimiter comes behind more than the one before it: alone it begins a frame, and
-    /// says nothing. Where DMA is late it counts as the end of one. `remaining`: of the round.
-    fn ends_something(&self, remaining: u16) -> bool {
+    /// Whether a delimiter is to be looked at: not where it comes right behind the one before, as
+    /// it begins a frame and says nothing. Where DMA is late it counts as the end of one; and of a
+    /// stream of them some are looked at, so that a stop behind it finds few. `remaining`: of the
+    /// round.
+    fn says_something(&self, remaining: u16) -> bool {
         let before = self.delimiter_at.load(Ordering::Relaxed);
         self.delimiter_at.store(remaining, Ordering::Relaxed);
-        before != remaining.wrapping_add(1)
+        before != remaining.wrapping_add(1) || remaining.is_multiple_of(DELIMITERS_AT_ONCE)
     }
 
     /// Asks for a ring that is set up anew.
@@ -209,7 +213,7 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
                 w.set_cmf(flags.cmf());
                 w.set_idle(flags.idle());
             });
-            if is_idle || T::events().ends_something(T::remaining()) {
+            if is_idle || T::events().says_something(T::remaining()) {
                 T::events().arrived.signal(());
             }
         }
