@@ -386,3 +386,17 @@ fn while_something_is_stored_a_native_command_changes_nothing_and_stops() {
     rig.handle(Event::Saved { result: Ok(()) });
     rig.ask(change).unwrap();
 }
+
+/// The manual stops by word 0: what 0x8000, the other zero, does to a motor it does not say.
+#[test]
+fn the_other_zero_of_a_d5_is_a_motion() {
+    const MINUS_ZERO: &str = "D50B0503200080B3";
+    let (mut rig, _) = bench::d5();
+    let request = native(&rig, 0, MINUS_ZERO);
+    assert_eq!(rig.ask(request), Err(Error::NotArmed { axis: 0, state: AxisState::Idle }));
+    let epoch = arm(&mut rig);
+    let since = rig.now_us;
+    let request = native(&rig, epoch, MINUS_ZERO);
+    answered(rig.ask(request));
+    assert_eq!(rig.sent_since(1, since).first(), Some(&"00B#D50B0503200080B3"));
+}

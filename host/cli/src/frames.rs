@@ -81,9 +81,10 @@ fn d5_request(wire: &Wire) -> Option<Meaning> {
         d5::Address::Node(node) => d5_name(node),
         d5::Address::Broadcast => "every d5".to_owned(),
     };
-    let is_stop = matches!(request,
-        d5::Request::Write { register: d5::Register::SPEED, value: d5::Value::Word(raw) }
-        if d5::decode_speed(raw).0 == 0);
+    let is_stop = matches!(
+        request,
+        d5::Request::Write { register: d5::Register::SPEED, value: d5::Value::Word(0) }
+    );
     meaning!(motor, is_stop, request)
 }
 

@@ -295,7 +295,8 @@ fn effect(request: Request, sign: f32) -> Option<Effect> {
         Request::Unknown { .. } => return None,
         Request::QueryId | Request::Read { .. } | Request::ReadMagneticAngle => Effect::Asks,
         Request::Write { register: Register::SPEED, value: Value::Word(word) } => {
-            Effect::of_setpoint(velocity(word), d5::decode_speed(word).0 == 0)
+            // That the other zero, 0x8000, stops a motor no manual says.
+            Effect::of_setpoint(velocity(word), Value::Word(word) == STANDSTILL)
         }
         Request::AsyncWrite { register: Register::SPEED, value: Value::Word(word) } => {
             Effect::MovesOnce(Demand::Setpoint(velocity(word)))
