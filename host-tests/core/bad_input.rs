@@ -3,8 +3,9 @@
 use crate::bench::{self, arm, setpoint};
 use crate::rig::{Rig, Said};
 use host_protocol::{
-    AxisParameter, Bytes, Error, Event as HostEvent, Protocol, Quantity, RawFrame, Reply, Request,
-    Setpoint, StopAction, Value, requests,
+    AuthorityLossReason, AxisParameter, Bytes, Error, Event as HostEvent, Kind, MAX_FRAME,
+    Protocol, Quantity, RawFrame, Reply, Request, Setpoint, StopAction, Value, encode_body,
+    requests,
 };
 
 const CURRENT: Setpoint = Setpoint::Current { current_a: 1.0 };
@@ -207,4 +208,27 @@ fn another_major_version_is_refused() {
     let hello = requests::Hello { protocol_major: 2, protocol_minor: 0, session: 1 };
     let refused = Error::UnsupportedVersion { gateway_major: 1, host_major: 2 };
     assert_eq!(rig.ask(Request::Hello(hello)), Err(refused));
+}
+
+/// Requests that nobody can read, cut off or at odds with themselves, are no sign of a host that
+/// knows what it does (GUARANTEES G3); what is repeated, is.
+#[test]
+fn a_host_that_sends_rubbish_is_silent() {
+    let cut_off = (0x40, &[0, 1][..]);
+    let no_setpoints = (0x46, &[0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0][..]);
+    let ping = (0x02, &[][..]);
+    for (sent, lost) in
+        [(cut_off, true), (no_setpoints, true), ((0xFFF, &[][..]), true), (ping, false)]
+    {
+        let (mut rig, _) = bench::rmd(StopAction::Hold);
+        arm(&mut rig);
+        let mut frame = [0; MAX_FRAME];
+        let length = encode_body(Kind::Request, 1, sent.0, sent.1, &mut frame).unwrap();
+        for _ in 0..40 {
+            rig.bytes(&frame[..length]);
+            rig.run(10_000);
+        }
+        let silent = HostEvent::AuthorityLost { reason: AuthorityLossReason::Silence };
+        assert_eq!(rig.events().contains(&&silent), lost, "{sent:?}");
+    }
 }

@@ -454,11 +454,18 @@ impl Gateway {
         let identity = Identity::of(&frame);
         let watches = frame.kind == Kind::WatcherRequest;
         let mut request = Request::decode(frame.number, frame.body);
-        if !watches {
+        if let Ok(read) = &request
+            && let Err(error) = requests::check_body(read)
+        {
+            request = Err(error);
+        }
+        if watches {
+            if !has_session && !request.as_ref().is_ok_and(|request| request.is(class::STOPS)) {
+                request = Err(Error::NoSession {});
+            }
+        } else if request.is_ok() {
             self.authority.heard(now, link);
             self.link_lost = false;
-        } else if !has_session && !request.as_ref().is_ok_and(|request| request.is(class::STOPS)) {
-            request = Err(Error::NoSession {});
         }
         let slot = self.links.admit(link, now.as_micros(), identity, watches, &request);
         if let Some(slot) = slot {

@@ -357,7 +357,7 @@ parameters! {
     /// A parameter of the gateway.
     GatewayParameter;
 
-    /// Without a valid frame from the host in command for this long, every axis stops.
+    /// Without a valid request from the host in command for this long, every axis stops.
     0x0100 LinkSilenceUs "link_silence_us": Unsigned("µs") [50_000, 10_000_000] 250_000;
 }
 

@@ -44,7 +44,7 @@ pub struct Link {
     deframer: Deframer,
     replies: Replies,
     events: Events,
-    /// When the last valid request came, repeated ones too.
+    /// When the last frame of a request came, whatever is in it, repeated ones too.
     last_valid_us: Option<u64>,
     subscription: Option<Subscription>,
     pub(crate) baud: Baud,

@@ -18,11 +18,12 @@ impl Oracle {
             if !watches && message.kind != Kind::Request {
                 continue;
             }
-            // Any valid request shows that the host is there, a repeated one too, but none that it
-            // passes on for who only watches.
+            // Any request that can be read shows that the host is there, a repeated one too, but none
+            // that it passes on for who only watches.
             if let Some((holder, heard_us)) = &mut self.holder
                 && *holder == link
                 && !watches
+                && Request::read(&message) != Request::Unreadable
             {
                 *heard_us = now;
             }

@@ -68,8 +68,10 @@ pub enum Request {
     BusStatus(u8),
     /// 0x0060
     ReadIncidents(u8),
-    /// Anything else, and what cannot be read.
+    /// Anything else.
     Other,
+    /// What cannot be read.
+    Unreadable,
 }
 
 /// One change of those that are made together; values are bits.
@@ -140,7 +142,7 @@ const LINK_SILENCE: u16 = 256;
 impl Request {
     /// Reads a message of kind request.
     pub fn read(message: &Message) -> Self {
-        Self::fields(message.number, Body(message.body())).unwrap_or(Self::Other)
+        Self::fields(message.number, Body(message.body())).unwrap_or(Self::Unreadable)
     }
 
     fn fields(number: u16, mut body: Body<'_>) -> Option<Self> {
@@ -313,7 +315,8 @@ impl Request {
             | Self::Native { .. }
             | Self::BusStatus(_)
             | Self::ReadIncidents(_)
-            | Self::Other => false,
+            | Self::Other
+            | Self::Unreadable => false,
         }
     }
 }

@@ -14,7 +14,7 @@ from typing import Any, Dict, List, Literal, Optional, Sequence, Union
 class GatewaySettings:
     """What holds for the gateway as a whole."""
 
-    #: Without a valid frame from the host in command for this long, every axis stops. [µs] 50000
+    #: Without a valid request from the host in command for this long, every axis stops. [µs] 50000
     #: to 10000000. Default 250000.
     link_silence_us: Optional[int] = None
     #: Name of the gateway, for use instead of its number.

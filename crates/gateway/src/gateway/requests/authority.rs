@@ -51,7 +51,7 @@ impl Authority {
         Ok(())
     }
 
-    /// A valid frame came from a link.
+    /// A request that can be read came from a link, a repeated one too.
     pub fn heard(&mut self, now: Instant, link: u8) {
         if self.is_held_by(link) {
             self.heard_at = now;

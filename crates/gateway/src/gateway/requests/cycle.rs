@@ -33,7 +33,7 @@ pub(crate) struct Cycle {
 }
 
 /// Refuses a request whose fields contradict each other, as one that cannot be read.
-pub(super) fn check_body(request: &Request) -> Result<()> {
+pub(crate) fn check_body(request: &Request) -> Result<()> {
     let is_whole = match request {
         Request::ArmTogether(request) => request.axes != 0,
         Request::Cycle(request) => {

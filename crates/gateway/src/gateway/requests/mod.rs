@@ -10,7 +10,7 @@ mod running;
 mod together;
 
 pub(crate) use authority::Authority;
-pub(crate) use cycle::{Arming, Cycle};
+pub(crate) use cycle::{Arming, Cycle, check_body};
 pub(crate) use draft::Draft;
 pub(crate) use running::Running;
 pub(crate) use together::Together;
@@ -60,7 +60,6 @@ impl Gateway {
 
     /// Executes a request and answers it, or has a job do so; not if it fails.
     fn dispatch(&mut self, now: Instant, ticket: Ticket, request: &Request) -> Result<()> {
-        cycle::check_body(request)?;
         let commands = request.is(class::COMMANDS);
         if commands {
             self.authority.check(ticket)?;
