@@ -3,9 +3,9 @@
 use crate::bench::{self, arm, setpoint};
 use crate::rig::{Rig, Said};
 use host_protocol::{
-    AuthorityLossReason, AxisParameter, Bytes, Error, Event as HostEvent, Kind, MAX_FRAME,
-    Protocol, Quantity, RawFrame, Reply, Request, Setpoint, StopAction, Value, encode_body,
-    requests,
+    AuthorityLossReason, AxisParameter, Bytes, Error, Event as HostEvent, FixedU32, Kind,
+    MAX_FRAME, Protocol, Quantity, RawFrame, Reply, Request, Setpoint, StateFields, StopAction,
+    Value, encode_body, requests,
 };
 
 const CURRENT: Setpoint = Setpoint::Current { current_a: 1.0 };
@@ -230,5 +230,28 @@ fn a_host_that_sends_rubbish_is_silent() {
         }
         let silent = HostEvent::AuthorityLost { reason: AuthorityLossReason::Silence };
         assert_eq!(rig.events().contains(&&silent), lost, "{sent:?}");
+    }
+}
+
+/// What there is is named, and nothing else changes.
+#[test]
+fn fields_that_there_are_not_are_refused() {
+    let mut rig = bench::rmd_axes(1);
+    let fields = StateFields::from_bits(0x81);
+    let refused =
+        Err(Error::OutOfRange { quantity: Quantity::Fields, value: 129.0, min: 0.0, max: 127.0 });
+    let requests = [
+        requests::Subscribe { axes: 1, fields, period_us: 10_000 }.into(),
+        requests::RunCycle { axes: 1, fields, period_us: 10_000 }.into(),
+        Request::Cycle(requests::Cycle {
+            epoch: FixedU32(1),
+            expires_at_us: FixedU32(0),
+            fields,
+            axes: 1,
+            setpoints: [CURRENT].into_iter().collect(),
+        }),
+    ];
+    for request in requests {
+        assert_eq!(rig.ask(request), refused);
     }
 }

@@ -172,7 +172,7 @@ fn what_was_never_read_is_older_than_the_gateway() {
 #[test]
 fn slow_fields_come_in_turns() {
     let (mut rig, _) = armed(3);
-    run_cycle(&mut rig, 0b101, StateFields::from_bits(u8::MAX), PERIOD_US).unwrap();
+    run_cycle(&mut rig, 0b101, StateFields::of(StateField::ALL), PERIOD_US).unwrap();
     run_with_host(&mut rig, 150_000);
     let told = periods(&rig);
     let axes: Vec<u8> = told.iter().filter_map(|event| Some(event.slow?.axis)).collect();

@@ -51,7 +51,7 @@ struct Gateway {
 fn random_gateway(random: &mut fastrand::Rng) -> Gateway {
     let mut gateway =
         Gateway { buses: Vec::new(), motors: Vec::new(), fields: StateFields::of(&[]) };
-    gateway.fields = StateFields::from_bits(random.u8(..));
+    gateway.fields = StateFields::from_bits(random.u8(..0x80));
     for bus in 0..4_u8 {
         let is_serial = bus >= 2;
         let mixed = [Protocol::Rmd, Protocol::Thruster];

@@ -244,6 +244,17 @@ set_of! {
     pub struct StateFields of StateField
 }
 
+impl StateFields {
+    /// Refuses fields that there are not.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange).
+    pub fn check(self) -> Result<(), crate::Error> {
+        let all = Self::of(StateField::ALL).bits();
+        crate::Quantity::Fields.check(self.bits().into(), (0, all.into()))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

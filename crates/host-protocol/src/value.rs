@@ -65,6 +65,8 @@ wire! {
         Damping,
         /// µs.
         Period,
+        /// StateFields, as their byte.
+        Fields,
     }
 }
 
@@ -86,7 +88,7 @@ impl Quantity {
             Self::MotorTimeout => "ms",
             Self::FrameLength => "bytes",
             Self::Parameter(number) => parameters::unit(number).unwrap_or(""),
-            Self::Signal | Self::Axis | Self::Bus | Self::Node | Self::CanId => "",
+            Self::Signal | Self::Axis | Self::Bus | Self::Node | Self::CanId | Self::Fields => "",
         }
     }
 
@@ -127,6 +129,7 @@ impl fmt::Display for Quantity {
             Self::Stiffness => "stiffness",
             Self::Damping => "damping",
             Self::Period => "period",
+            Self::Fields => "fields",
             Self::Parameter(number) => {
                 return match parameters::name(*number) {
                     Some(name) => f.write_str(name),

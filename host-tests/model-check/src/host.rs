@@ -5,8 +5,8 @@ use crate::bus::can_frame;
 use crate::plant::{BUS_SETUP, LINE};
 use host_protocol::{
     BusMode, Bytes, Change, ClearTarget, Deframer, FixedU32, MAX_FRAME, Member, Protocol,
-    ProtocolSet, RawFrame, Request, Setpoint, StateFields, StopTarget, Subject, Text, Value,
-    requests,
+    ProtocolSet, RawFrame, Request, Setpoint, StateField, StateFields, StopTarget, Subject, Text,
+    Value, requests,
 };
 use std::collections::VecDeque;
 
@@ -169,18 +169,18 @@ fn request(now: u64, ask: &Ask, epochs: &[u32]) -> Request {
             Request::Cycle(requests::Cycle {
                 epoch: FixedU32(known(first).wrapping_add_signed(epoch)),
                 expires_at_us: FixedU32(at(lead_us)),
-                fields: StateFields::from_bits(u8::MAX),
+                fields: StateFields::of(StateField::ALL),
                 axes: members.iter().fold(0, |axes, (axis, _)| axes | 1 << axis),
                 setpoints: members.iter().take(16).map(|(_, goal)| setpoint(*goal)).collect(),
             })
         }
         Ask::RunCycle { axes, period_us } => {
-            let fields = StateFields::from_bits(u8::MAX);
+            let fields = StateFields::of(StateField::ALL);
             Request::RunCycle(requests::RunCycle { axes, fields, period_us })
         }
         Ask::Read { axis } => Request::ReadState(requests::ReadState { axis }),
         Ask::Subscribe { axes, period_us } => {
-            let fields = StateFields::from_bits(u8::MAX);
+            let fields = StateFields::of(StateField::ALL);
             Request::Subscribe(requests::Subscribe { axes, fields, period_us })
         }
         Ask::Incidents { first } => Request::ReadIncidents(requests::ReadIncidents { first }),

@@ -554,7 +554,7 @@ impl Multiplexer {
     fn subscribe(&mut self, id: ProgramId, ask: &mut Ask) {
         let Ok(Request::Subscribe(wanted)) = Request::decode(ask.number, &ask.body) else { return };
         let (shortest, longest) = SUBSCRIPTION_PERIOD_US;
-        if !(shortest..=longest).contains(&wanted.period_us) {
+        if !(shortest..=longest).contains(&wanted.period_us) || wanted.fields.check().is_err() {
             return;
         }
         if let Some(program) = self.programs.get_mut(&id) {

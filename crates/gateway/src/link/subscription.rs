@@ -26,6 +26,7 @@ impl Subscription {
     /// What the host asks for; `None` where it asks for nothing any more.
     pub fn new(now_us: u64, request: &requests::Subscribe) -> Result<Option<Self>, Error> {
         Quantity::Period.check(request.period_us, SUBSCRIPTION_PERIOD_US)?;
+        request.fields.check()?;
         let subscription = Self {
             axes: Set::from_bits(request.axes),
             fields: request.fields,

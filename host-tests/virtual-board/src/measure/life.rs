@@ -5,7 +5,9 @@ use std::ops::ControlFlow;
 use std::rc::Rc;
 use std::time::Duration;
 
-use host_protocol::{Bytes, ClearTarget, RawFrame, Setpoint, StateFields, StopAction, StopTarget};
+use host_protocol::{
+    Bytes, ClearTarget, RawFrame, Setpoint, StateField, StateFields, StopAction, StopTarget,
+};
 use mgw_client::{Client, ClientError, Hold, Transport};
 
 use super::bench::STARTED;
@@ -65,7 +67,7 @@ fn live(
 ) -> Result<(), ClientError> {
     configure(client)?;
     client.list_axes()?;
-    client.subscribe(&[0, 1, 2, 3], StateFields::from_bits(u8::MAX), SAMPLE_PERIOD)?;
+    client.subscribe(&[0, 1, 2, 3], StateFields::of(StateField::ALL), SAMPLE_PERIOD)?;
     // Before a motor holds.
     let line = Board::chosen().rs485_bus();
     client.raw_open(line)?;

@@ -100,6 +100,7 @@ impl Gateway {
         ticket: Ticket,
     ) -> Result<()> {
         let axes = axes_of(request.axes)?;
+        request.fields.check()?;
         self.end_cycle(now);
         for (axis, setpoint) in axes.numbers().zip(&request.setpoints) {
             let setpoint = requests::Setpoint {

@@ -86,6 +86,7 @@ impl Gateway {
         link: u8,
     ) -> Result<()> {
         let axes = axes_of(request.axes)?;
+        request.fields.check()?;
         let period = Duration::from_micros(request.period_us.into());
         if !axes.is_empty() {
             Quantity::Period.check(request.period_us, PERIOD_US)?;
