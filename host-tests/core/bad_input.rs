@@ -255,3 +255,45 @@ fn fields_that_there_are_not_are_refused() {
         assert_eq!(rig.ask(request), refused);
     }
 }
+
+/// The range with which a setpoint is refused is about this one.
+fn assert_range(rig: &mut Rig, epoch: u32, value: Setpoint, (low, high): (f32, f32)) {
+    let request = setpoint(rig, epoch, 80_000, value);
+    let Err(Error::OutOfRange { min, max, .. }) = rig.ask(request) else { panic!("{value:?}") };
+    assert!((min - low).abs() < 0.01 && (max - high).abs() < 0.01, "{value:?}: {min} to {max}");
+}
+
+/// The range is that of the motor and of the axis, whichever is narrower, and never an empty one.
+#[test]
+fn a_refusal_names_what_the_axis_takes() {
+    const RPM: f32 = core::f32::consts::PI / 30.0;
+    let (mut rig, _) = bench::thruster();
+    bench::parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(true));
+    let epoch = arm(&mut rig);
+    let velocity = |velocity_rad_s| Setpoint::Velocity { velocity_rad_s };
+    assert_range(&mut rig, epoch, velocity(1.0), (30.0 * RPM, 32_767.0 * RPM));
+    assert_range(&mut rig, epoch, velocity(-1.0), (-32_767.0 * RPM, -30.0 * RPM));
+    // 0xEEEE would read as a refusal.
+    assert_range(&mut rig, epoch, velocity(-4_370.0 * RPM), (-4_369.0 * RPM, -30.0 * RPM));
+    bench::disarm(&mut rig);
+    rig.run(100_000);
+    for (limit, range) in [(10.0, (30.0 * RPM, 10.0)), (2.0, (0.0, 0.0))] {
+        bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(limit));
+        let epoch = arm(&mut rig);
+        assert_range(&mut rig, epoch, velocity(1.0), range);
+        bench::disarm(&mut rig);
+        rig.run(100_000);
+    }
+
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    let impedance = |stiffness_nm_per_rad, damping_nm_s_per_rad| Setpoint::Impedance {
+        position_rad: 0.0,
+        velocity_rad_s: 0.0,
+        stiffness_nm_per_rad,
+        damping_nm_s_per_rad,
+        torque_nm: 0.0,
+    };
+    assert_range(&mut rig, epoch, impedance(-1.0, 0.0), (0.0, 500.0));
+    assert_range(&mut rig, epoch, impedance(0.0, -1.0), (0.0, 5.0));
+}

@@ -304,8 +304,9 @@ pub(crate) fn check_limits(setpoint: Setpoint, config: &AxisConfig) -> Result<()
             torque_nm,
         } => {
             symmetric(Quantity::Velocity, velocity_rad_s, limit(AxisParameter::VelocityLimitRadS))?;
-            within(Quantity::Stiffness, stiffness_nm_per_rad, 0.0, f32::INFINITY)?;
-            within(Quantity::Damping, damping_nm_s_per_rad, 0.0, f32::INFINITY)?;
+            // Their ranges are those of the motor, and are held against its words.
+            finite(Quantity::Stiffness, stiffness_nm_per_rad)?;
+            finite(Quantity::Damping, damping_nm_s_per_rad)?;
             symmetric(Quantity::Torque, torque_nm, limit(AxisParameter::TorqueLimitNm))?;
             check_position(position_rad, config)
         }
@@ -313,8 +314,12 @@ pub(crate) fn check_limits(setpoint: Setpoint, config: &AxisConfig) -> Result<()
 }
 
 fn check_speed_limit(speed_limit_rad_s: f32, config: &AxisConfig) -> Result<(), Error> {
-    let fastest = config.limit(AxisParameter::VelocityLimitRadS);
-    within(Quantity::SpeedLimit, speed_limit_rad_s, 0.0, fastest)
+    let quantity = Quantity::SpeedLimit;
+    match config.float(AxisParameter::VelocityLimitRadS) {
+        Some(fastest) => within(quantity, speed_limit_rad_s, 0.0, fastest),
+        // The range is that of the motor, and is held against its words.
+        None => finite(quantity, speed_limit_rad_s),
+    }
 }
 
 fn check_position(position_rad: f32, config: &AxisConfig) -> Result<(), Error> {
@@ -322,11 +327,14 @@ fn check_position(position_rad: f32, config: &AxisConfig) -> Result<(), Error> {
     within(Quantity::Position, position_rad, min, max)
 }
 
+/// Refuses NaN and infinities.
+fn finite(quantity: Quantity, value: f32) -> Result<(), Error> {
+    if value.is_finite() { Ok(()) } else { Err(Error::NotANumber { quantity }) }
+}
+
 /// Refuses NaN, infinities and values outside an inclusive range.
 fn within(quantity: Quantity, value: f32, min: f32, max: f32) -> Result<(), Error> {
-    if !value.is_finite() {
-        return Err(Error::NotANumber { quantity });
-    }
+    finite(quantity, value)?;
     if value < min || value > max {
         return Err(Error::OutOfRange { quantity, value, min, max });
     }

@@ -177,7 +177,7 @@ fn motion(axis: u8, setpoint: Setpoint, config: &AxisConfig) -> Found<Command> {
     };
     match request.encode() {
         Ok(_) => Ok(Some(Command::Thruster(request))),
-        Err(refusal) => Err(in_si(setpoint, refusal)),
+        Err(refusal) => Err(in_si(setpoint, refusal, config)),
     }
 }
 
@@ -254,7 +254,7 @@ pub(super) fn bitrates() -> impl Iterator<Item = u32> {
 }
 
 /// The codec's refusal of a setpoint, with the bounds in SI units.
-fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
+fn in_si(setpoint: Setpoint, refusal: EncodeError, config: &AxisConfig) -> Error {
     let (quantity, value, (min, max)) = match setpoint {
         Setpoint::Position { position_rad, .. } => {
             let (min, max) = match refusal {
@@ -267,14 +267,22 @@ fn in_si(setpoint: Setpoint, refusal: EncodeError) -> Error {
         // A speed the wire can carry is refused below the slowest, 0 or at least 30 rpm either way
         // (T14), and the one whose bytes mean a refusal: those between are taken.
         Setpoint::Velocity { velocity_rad_s } => {
+            let slowest = thruster::SPEED_MIN_MAGNITUDE;
             let fastest = match refusal {
-                EncodeError::Forbidden { value, .. } => value.unsigned_abs().saturating_sub(1),
+                EncodeError::Forbidden { value, .. } if value.unsigned_abs() > slowest.into() => {
+                    value.unsigned_abs() - 1
+                }
                 _ => i16::MAX.unsigned_abs().into(),
             };
-            let slowest = RPM.to_si(thruster::SPEED_MIN_MAGNITUDE);
+            let slowest = RPM.to_si(slowest);
             let fastest = RPM.to_si(i32::try_from(fastest).unwrap_or(i32::MAX));
-            let bounds =
-                if velocity_rad_s < 0.0 { (-fastest, -slowest) } else { (slowest, fastest) };
+            let fastest = fastest.min(config.limit(AxisParameter::VelocityLimitRadS));
+            let bounds = match velocity_rad_s < 0.0 {
+                // The axis may not be as fast as the slowest speed.
+                _ if slowest > fastest => (0.0, 0.0),
+                true => (-fastest, -slowest),
+                false => (slowest, fastest),
+            };
             (Quantity::Velocity, velocity_rad_s, bounds)
         }
         Setpoint::Signal { fraction } => (Quantity::Signal, fraction, (-1.0, 1.0)),
