@@ -297,3 +297,27 @@ fn a_refusal_names_what_the_axis_takes() {
     assert_range(&mut rig, epoch, impedance(-1.0, 0.0), (0.0, 500.0));
     assert_range(&mut rig, epoch, impedance(0.0, -1.0), (0.0, 5.0));
 }
+
+#[test]
+fn the_speed_limit_of_a_setpoint_is_never_rounded_up() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let epoch = arm(&mut rig);
+    for (speed, sent) in
+        [(1.0_f32, "0100"), (1.9, "0100"), (2.0, "0200"), (359.9, "6701"), (360.0, "6801")]
+    {
+        let since = rig.now_us;
+        let position =
+            Setpoint::Position { position_rad: 0.0, speed_limit_rad_s: speed.to_radians() };
+        let request = setpoint(&rig, epoch, 80_000, position);
+        rig.ask(request).unwrap();
+        rig.run(1_000);
+        let sent = format!("141#A400{sent}00000000");
+        assert!(rig.sent_since(0, since).contains(&sent.as_str()), "{speed}");
+    }
+    // Below one unit there is nothing.
+    let range = (1.0_f32.to_radians(), 65_535.0_f32.to_radians());
+    for speed_limit_rad_s in [-1.0, 0.8_f32.to_radians(), 1e-9] {
+        let value = Setpoint::Position { position_rad: 0.1, speed_limit_rad_s };
+        assert_range(&mut rig, epoch, value, range);
+    }
+}

@@ -9,7 +9,7 @@ use host_protocol::{
 };
 
 /// A quarter of a radian on from where the bench's motors stand, 360°: to 374.32°, at 115 °/s.
-const TARGET: &str = "141#A400730038920000";
+const TARGET: &str = "141#A400720038920000";
 
 fn relative(rig: &Rig, epoch: u32, distance_rad: f32, speed_limit_rad_s: f32) -> Request {
     let expires_at_us = expiry(rig, 80_000);
@@ -181,7 +181,7 @@ fn far_from_zero_the_target_is_as_exact_as_the_motor_counts() {
     run_with_host(&mut rig, 1_000);
     let targets = rig.sent_since(0, since);
     let target = targets.iter().find(|text| text.starts_with("141#A4"));
-    assert_eq!(target, Some(&"141#A4007300ADD25B07")); // 14.32° further
+    assert_eq!(target, Some(&"141#A4007200ADD25B07")); // 14.32° further
 }
 
 #[test]

@@ -55,7 +55,7 @@ wire! {
         Position {
             /// rad, positive is counter-clockwise.
             position_rad: f32,
-            /// Speed on the way, rad/s, above 0.
+            /// Speed on the way, rad/s, at least one unit of the motor: rounded down to whole ones.
             speed_limit_rad_s: f32,
         },
         /// A spring and a damper at the shaft: torque = stiffness × (position − measured position)

@@ -152,8 +152,8 @@ fn round_shift(product: u64, exponent: i32) -> Option<u64> {
     Some(halves / 2 + halves % 2)
 }
 
-/// Speed limit and target of a position command, in the motor's units and sense of rotation. 0 is
-/// no speed limit.
+/// Speed limit and target of a position command, in the motor's units and sense of rotation. A speed
+/// limit is never rounded up, and 0 is none.
 pub(super) fn position(
     axis: u8,
     speed_limit_rad_s: f32,
@@ -162,13 +162,17 @@ pub(super) fn position(
     angle: &Scale,
     config: &AxisConfig,
 ) -> Result<(u16, i32), Error> {
-    let fastest = speed.to_si(u16::MAX);
-    let count =
-        speed.within(speed_limit_rad_s, (0.0, config.limit(AxisParameter::VelocityLimitRadS)));
-    let limit: u16 = fit(count, Quantity::SpeedLimit, speed_limit_rad_s, (0.0, fastest))?;
-    if limit == 0 {
+    if speed_limit_rad_s == 0.0 {
         return Err(Error::SpeedLimitZero { axis });
     }
+    // As exact as an f32 that was computed from the motor's unit.
+    let own = speed_limit_rad_s * (1.0 + 4.0 * f32::EPSILON);
+    let fastest = config.limit(AxisParameter::VelocityLimitRadS);
+    let count = speed.within(speed_limit_rad_s, (0.0, own.min(fastest)));
+    let count = count.filter(|count| *count > 0);
+    let least = speed.to_si(1);
+    let range = (least, speed.to_si(u16::MAX).min(fastest).max(least));
+    let limit: u16 = fit(count, Quantity::SpeedLimit, speed_limit_rad_s, range)?;
     let range = config.position_range();
     Ok((limit, angle.turned(Quantity::Position, position_rad, range, i32::MAX, config)?))
 }

@@ -51,7 +51,7 @@ fn what_cannot_be_moved_so_is_refused_before_arming() {
         (&["0", "nan", "--speed-limit", "1"], "not_a_number"),
         (&["0", "inf", "--speed-limit", "1"], "not_a_number"),
         (&["0", "1", "--speed-limit", "-1"], "out_of_range"),
-        (&["0", "1", "--speed-limit", "0.001"], "speed_limit_zero"),
+        (&["0", "1", "--speed-limit", "0.001"], "out_of_range"),
         (&["0", "1", "--speed-limit", "1000"], "out_of_range"),
     ] {
         let outcome = sim.mgw(&[&["--json", "move"], arguments].concat());
