@@ -29,8 +29,8 @@ fn plan(rig: &Rig, assumed: &Assumptions) -> BusPlan {
     rig.gateway.plan_bus(0, assumed).expect("bus 0 is configured")
 }
 
-/// A2 with three zeros behind it and a speed; any reply of eight bytes.
-const REQUEST: u64 = 128;
+/// A4 with a zero behind it, a speed limit and an angle; any reply of eight bytes.
+const REQUEST: u64 = 129;
 const REPLY: u64 = 132;
 
 #[test]
@@ -109,4 +109,58 @@ fn a_line_is_asked_in_turn() {
     // 13 bytes of 10 bits.
     assert_eq!(plan.axes[0].request_bits, 130);
     assert_eq!(plan.cycle, us(2 * (65 + 10 + 50 + 65 + 10)));
+}
+
+/// Bits of a standard frame on the wire, with intermission.
+fn wire_bits(id: u16, data: &[u8]) -> u64 {
+    let length = u32::try_from(data.len()).unwrap();
+    let header = [(0, 1), (u32::from(id), 11), (0, 3), (length, 4)];
+    let fields = header.into_iter().chain(data.iter().map(|byte| (u32::from(*byte), 8)));
+    let bit = |(value, count): (u32, u32)| (0..count).rev().map(move |at| value >> at & 1 == 1);
+    let mut bits: Vec<bool> = fields.flat_map(bit).collect();
+    let crc = bits.iter().fold(0_u32, |crc, bit| {
+        let shifted = crc << 1 & 0x7FFF;
+        if (crc >> 14 == 1) == *bit { shifted } else { shifted ^ 0x4599 }
+    });
+    bits.extend(bit((crc, 15)));
+    let (mut run, mut last, mut stuffed) = (0, true, 0);
+    for bit in &bits {
+        (run, last) = (if *bit == last { run + 1 } else { 1 }, *bit);
+        if run == 5 {
+            (run, last, stuffed) = (1, !bit, stuffed + 1);
+        }
+    }
+    bits.len() as u64 + stuffed + 13
+}
+
+/// VC and TC of a thruster, writes of a D5's speed, torque, speed and position of an RMD.
+#[test]
+fn no_setpoint_is_longer_than_planned() {
+    let planned = |rig: Rig, bus| {
+        rig.gateway.plan_bus(bus, &Assumptions::DEFAULT).unwrap().axes[0].request_bits
+    };
+    let thruster = planned(bench::thruster().0, 0);
+    for value in (-0x1000..0x1000_i16).map(i16::to_be_bytes) {
+        for command in [*b"VC\0\0", *b"TC\0\0"] {
+            let data = [&command[..], &[0, 0], &value].concat();
+            assert!(wire_bits(0x30B, &data) <= thruster, "{data:02X?}");
+        }
+    }
+    let d5 = planned(bench::d5().0, 1);
+    for [low, high] in (0..=u16::MAX).map(u16::to_le_bytes) {
+        let mut data = [0xD5, 0x0B, 5, 3, 0x20, low, high, 0];
+        data[7] = data[1..7].iter().fold(0, |sum, byte| byte.wrapping_add(sum));
+        assert!(wire_bits(0x00B, &data) <= d5, "{data:02X?}");
+    }
+    let rmd = planned(rmd(1), 0);
+    let mut dice = fastrand::Rng::with_seed(0x9E37_79B9);
+    for _ in 0..100_000 {
+        // Few bits set, or few that are not, make the longest frames.
+        let word = dice.u64(..) & dice.u64(..) & dice.u64(..);
+        let [speed @ .., a, b, c, d, _, _] = if dice.bool() { word } else { !word }.to_le_bytes();
+        for head in [[0xA1, 0, 0, 0], [0xA2, 0, 0, 0], [0xA4, 0, speed[0], speed[1]]] {
+            let data = [head, [a, b, c, d]].concat();
+            assert!(wire_bits(0x141, &data) <= rmd, "{data:02X?}");
+        }
+    }
 }

@@ -19,12 +19,16 @@ use crate::time::Duration;
 use heapless::Vec;
 use host_protocol::{AxisParameter, BusKind, Setpoint, StateFields};
 
-/// Setpoints that tell the fixed bytes of a command from its value: of one step up and one down all
-/// bits of a value in two's complement differ.
-const STEPS: [[Setpoint; 2]; 3] = [
-    [Setpoint::Velocity { velocity_rad_s: 0.05 }, Setpoint::Velocity { velocity_rad_s: -0.05 }],
-    [Setpoint::Signal { fraction: 0.01 }, Setpoint::Signal { fraction: -0.01 }],
-    [Setpoint::Current { current_a: 0.02 }, Setpoint::Current { current_a: -0.02 }],
+/// Setpoints that tell the fixed bytes at the beginning of a command from its value: every protocol
+/// takes them, and the first byte of the value differs, whether a sign is a bit or a complement.
+const STEPS: [[Setpoint; 2]; 4] = [
+    [Setpoint::Velocity { velocity_rad_s: 4.0 }, Setpoint::Velocity { velocity_rad_s: -8.0 }],
+    [Setpoint::Signal { fraction: 0.01 }, Setpoint::Signal { fraction: -0.02 }],
+    [Setpoint::Current { current_a: 0.02 }, Setpoint::Current { current_a: -0.04 }],
+    [
+        Setpoint::Position { position_rad: 0.0, speed_limit_rad_s: 3.5 },
+        Setpoint::Position { position_rad: 0.0, speed_limit_rad_s: 35.0 },
+    ],
 ];
 
 /// An impedance setpoint.
@@ -313,8 +317,8 @@ impl Bus {
         })
     }
 
-    /// Bits of an axis's setpoint and of a reply, at most; of an impedance setpoint any bit of the
-    /// data is unknown.
+    /// Bits of an axis's longest setpoint and of a reply, at most; of an impedance setpoint any bit
+    /// of the data is unknown.
     fn motion_bits(&self, axis: &Axis, is_stiff: bool) -> (u64, u64) {
         if self.kind() == BusKind::Rs485 {
             let bits = serial_frame_bits(self.line.serial());
@@ -328,13 +332,13 @@ impl Bus {
             let request = frame_bits(stiff.id(), stiff.data().len(), &[]);
             return (request, self.longest_frame_bits);
         }
-        let steps = STEPS.iter().find_map(|[up, down]| Some((frame(*up)?, frame(*down)?)));
-        let request =
-            steps.map_or(STANDARD_FRAME_BITS.max(self.longest_frame_bits), |(up, down)| {
-                let same = up.data().iter().zip(down.data()).take_while(|(up, down)| up == down);
-                let known = up.data().get(..same.count()).unwrap_or(&[]);
-                frame_bits(up.id(), up.data().len(), known)
-            });
+        let steps = STEPS.iter().filter_map(|[one, other]| {
+            let (one, other) = (frame(*one)?, frame(*other)?);
+            let same = one.data().iter().zip(other.data()).take_while(|(one, other)| one == other);
+            let known = one.data().get(..same.count()).unwrap_or(&[]);
+            Some(frame_bits(one.id(), one.data().len(), known))
+        });
+        let request = steps.max().unwrap_or(STANDARD_FRAME_BITS.max(self.longest_frame_bits));
         let reply = protocol::reply_id(&axis.config)
             .map_or(self.longest_frame_bits, |id| frame_bits(id, REPLY_BYTES, &[]));
         (request, reply)
