@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use host_protocol::{AxisParameter, Change, Subject};
+use host_protocol::{AxisParameter, Change, Error, Subject};
 use mgw_client::ClientError;
 use serde_json::{Value as Json, json};
 
@@ -60,8 +60,20 @@ fn check_alone(file: &ConfigFile, out: Output) -> Result<(), Failure> {
     let read = config::parse(&file.source);
     let wanted = read.onto(Configuration::default());
     refuse(&file.source, config::check_without_board(&read, &wanted))?;
+    let nothing = Configuration::default();
+    if let Some(board) = BoardPorts::possible(&wanted).next() {
+        config::check_count(&nothing, &wanted, &board).or_else(refuse_count)?;
+    }
     let line = format!("{}: {}; {WITHOUT_BOARD}", file.source.path, counted(&wanted));
     out.either(line, &json!({ "checked": counts(&wanted), "board": null, "changes": null }))
+}
+
+/// Other rows than how many were looked at before.
+fn refuse_count(error: Error) -> Result<(), Failure> {
+    match error {
+        Error::TooManyChanges { .. } => Err(Failure::would_be_refused(error)),
+        _ => Ok(()),
+    }
 }
 
 fn print_schema(out: Output) -> Result<(), Failure> {
@@ -185,6 +197,8 @@ fn apply(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
 fn check(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
     let running = config::read(&mut session.client)?;
     let wanted = wanted(session, file, &running)?;
+    let board = BoardPorts::of(session.client.hello());
+    config::check_count(&running, &wanted, &board).or_else(refuse_count)?;
     let changes = running.changes_to(&wanted).len();
     let board = session.client.hello().board.as_str().to_owned();
     let line = format!("{}: {}; {}", file.source.path, counted(&wanted), changed(changes));

@@ -45,9 +45,16 @@ pub fn check_without_board(file: &File, configuration: &Configuration) -> Vec<Fi
 
 /// A gateway's core with this configuration, on a board with these buses.
 pub fn core_of(configuration: &Configuration, board: &BoardPorts) -> Result<Box<Gateway>, Error> {
-    let mut core = Core::new(board);
-    core.change(&Configuration::default().changes_to(configuration))?;
-    Ok(core.gateway)
+    Core::of(configuration, board).map(|core| core.gateway)
+}
+
+/// Refuses more changes from one configuration to another than a gateway makes together.
+pub fn check_count(
+    from: &Configuration,
+    to: &Configuration,
+    board: &BoardPorts,
+) -> Result<(), Error> {
+    Core::of(from, board)?.begin(&from.changes_to(to))
 }
 
 struct Check<'a> {
@@ -240,14 +247,32 @@ impl Core {
         core
     }
 
+    /// One with this configuration, which may be more than one list of changes holds.
+    fn of(configuration: &Configuration, board: &BoardPorts) -> Result<Self, Error> {
+        let mut core = Self::new(board);
+        let is_same_axis = |one: &Change, other: &Change| match (one, other) {
+            (Change::Axis { axis: one, .. }, Change::Axis { axis: other, .. }) => one == other,
+            _ => false,
+        };
+        let changes = Configuration::default().changes_to(configuration);
+        changes.chunk_by(is_same_axis).try_for_each(|row| core.change(row))?;
+        Ok(core)
+    }
+
     /// Makes changes together.
     fn change(&mut self, changes: &[Change]) -> Result<(), Error> {
+        self.begin(changes)?;
+        self.ask(&requests::ApplyChanges {}.into())
+    }
+
+    /// Begins a list of changes, and makes none of them.
+    fn begin(&mut self, changes: &[Change]) -> Result<(), Error> {
         self.ask(&requests::BeginChanges {}.into())?;
         for changes in changes.chunks(requests::MAX_CHANGES_AT_ONCE) {
             let changes = changes.iter().cloned().collect();
             self.ask(&requests::AddChanges { changes }.into())?;
         }
-        self.ask(&requests::ApplyChanges {}.into())
+        Ok(())
     }
 
     fn ask(&mut self, request: &Request) -> Result<(), Error> {

@@ -26,7 +26,7 @@ use crate::words;
 pub use self::dump::dump_with;
 pub use apply::{read, write_timeouts};
 pub use board::BoardPorts;
-pub use check::{check, check_without_board, core_of};
+pub use check::{check, check_count, check_without_board, core_of};
 pub use dump::dump;
 pub use file::{Source, parse};
 pub use schema::schema;

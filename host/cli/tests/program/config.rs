@@ -178,3 +178,32 @@ fn a_dump_keeps_the_timeout_of_a_thruster_that_was_not_heard_for_a_while() {
     let dump = sim.mgw(&["config", "dump"]).success();
     assert_eq!(dump.matches("motor_timeout_ms = ").count(), 3, "{dump}");
 }
+
+/// 12 parameters each, and 352 changes fit in a list: what is there already is none.
+#[test]
+fn a_check_counts_changes_as_the_gateway_does() {
+    let axes = |count: u32| {
+        let axis = |axis| {
+            format!(
+                "[[axis]]\naxis = {axis}\nbus = 0\nprotocol = \"rmd\"\nnode = {}\n\
+                 stop_action = \"hold\"\nrefresh_us = 500_000\nfault_poll_us = 1_000_000\n\
+                 state_poll_us = 1_000_000\nmissed_replies = 4\nstandstill_rad_s = 0.2\n\
+                 stops_before_unreachable = 9\nstop_repeat_us = 600_000\ndirection = -1\n",
+                axis + 1
+            )
+        };
+        let bus = "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\"]\n".to_owned();
+        (0..count).map(axis).fold(bus, |text, axis| text + &axis)
+    };
+    const TOO_MANY: &str = "more than 352 parameters of axes";
+    let check = |count| mgw_reading(&["config", "check", "-"], axes(count));
+    check(29).success();
+    let told = check(30).failure(1);
+    assert!(told.contains(TOO_MANY), "{told}");
+    mgw_reading(&["plan", "-"], axes(30)).success();
+    let sim = Sim::start();
+    let told = reading(&sim, &["config", "check", "-"], &axes(30)).failure(1);
+    assert!(told.contains(TOO_MANY), "{told}");
+    reading(&sim, &["config", "apply", "-"], &axes(20)).success();
+    reading(&sim, &["config", "check", "-"], &axes(30)).success();
+}
