@@ -187,7 +187,8 @@ wire! {
         pub axes: u32,
     }
 
-    /// Ends the permission to move, through the stop action. Needs no authority.
+    /// Ends the permission to move, through the stop action. Needs no authority. A clearing under
+    /// way, which never arms, goes on.
     #[derive(Copy, Eq)]
     pub struct Disarm { pub axis: u8 }
 
