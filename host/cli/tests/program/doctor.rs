@@ -1,5 +1,13 @@
 //! `mgw doctor` names what is wrong, and what to do about it.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use mgw_cli::{Outcome, print_on};
+use mgw_client::Interrupt;
+use mgw_sim::{SimTransport, Wiring, World};
+
 use crate::support::{Sim, json};
 
 /// The lines of one examination: grade, what it is of, what is said.
@@ -73,4 +81,33 @@ fn motors_without_an_axis_and_two_with_one_id_are_found() {
     let lines = examine(&sim);
     assert!(is_said(&lines, "note", "bus 0", "rmd 1 is no axis: `mgw adopt`"), "{lines:?}");
     assert!(is_said(&lines, "wrong", "bus 0", "two motors seem to be rmd 2"), "{lines:?}");
+}
+
+/// The motor of axis 3 was asked last 2 s ago: its own timeout has struck, which it says once a
+/// second. In virtual time, so that it says so while the first request to it is on the line.
+#[test]
+fn a_motor_that_speaks_into_a_request_is_no_noise() {
+    let configuration = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+    let mut collisions = 0;
+    for phase in 0..20 {
+        let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
+        let run = |words: &[&str]| -> (Outcome, String) {
+            let transport = SimTransport::new(world.clone(), 0);
+            print_on(Box::new(transport), Interrupt::default(), words)
+        };
+        assert_eq!(run(&["config", "apply", configuration]).0.exit_code, 0);
+        world.borrow_mut().run_for(Duration::from_secs(2));
+        world.borrow_mut().trace();
+        world.borrow_mut().run_for(Duration::from_secs(1));
+        let trace = world.borrow_mut().trace();
+        let notice = trace.iter().find(|entry| entry.wire.to_string().starts_with("3E0108F1"));
+        let next_us = notice.expect("a notice").time_us + 1_000_000;
+        // The doctor comes to bus 2 after 31 ms.
+        let begin_us = next_us - 32_000 + 150 * phase;
+        world.borrow_mut().run_until(gateway::Instant::from_micros(begin_us));
+        let (outcome, said) = run(&["doctor"]);
+        assert_eq!(outcome.exit_code, 0, "{said}");
+        collisions += usize::from(said.contains("note  bus 2     13 bytes were no frames"));
+    }
+    assert!(collisions > 0);
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use host_protocol::replies::BusReport;
-use host_protocol::{BusCounters, BusKind, BusState};
+use host_protocol::{BusCounters, BusKind, BusState, Protocol};
 
 use super::{Findings, Grade, Wrong};
 use crate::explain::Page;
@@ -14,6 +14,9 @@ use crate::session::Session;
 /// a pause.
 const CAN_FRAME_BITS: f64 = 125.0;
 const SERIAL_FRAME_BITS: f64 = 130.0;
+/// A notice of a motor that meets a request spoils at most so many bytes: those of one frame. A
+/// motor whose own timeout has struck sends one each second (docs/rmd-dialects.md).
+const NOTICE_BYTES: u64 = rmd::rs485::FRAME_LEN as u64;
 /// A bus with more than this part of its time taken delays setpoints.
 const BUSY: f64 = 0.7;
 
@@ -50,9 +53,13 @@ pub fn judge(
         };
         let load = f64::from(frames) * bits
             / (f64::from(config.bitrate.max(1)) * span.as_secs_f64().max(0.001));
+        let rejected = grown(|count| count.rejected);
+        let may_be_notices = *kind == BusKind::Rs485
+            && config.protocols.contains(Protocol::Rmd)
+            && u64::from(rejected) <= NOTICE_BYTES * (span.as_secs() + 1);
         findings.judge(
             &of,
-            wrong(after, grown, load),
+            wrong(after, grown, load, may_be_notices),
             format!(
                 "{} bit/s, {frames} frames in {:.1} s, load {:.0} %",
                 config.bitrate,
@@ -60,6 +67,13 @@ pub fn judge(
                 load * 100.0
             ),
         );
+        if rejected > 0 && may_be_notices {
+            let text = format!(
+                "{rejected} bytes were no frames, no more than when a motor whose own timeout has \
+                    struck says so into a request: look again"
+            );
+            findings.add(&of, Grade::Note, text);
+        }
         let counters = after.counters;
         let old = [
             (counters.missed_acknowledgements, "frames without acknowledgement"),
@@ -82,6 +96,7 @@ fn wrong(
     after: &BusReport,
     grown: impl Fn(fn(&BusCounters) -> u32) -> u32,
     load: f64,
+    may_be_notices: bool,
 ) -> Vec<Wrong> {
     let mut wrong = Vec::new();
     let mut add = |page: Page, text: String| wrong.push((page, text));
@@ -100,7 +115,7 @@ fn wrong(
         add(Page::BusErrors, text);
     }
     let rejected = grown(|count| count.rejected);
-    if rejected > 0 {
+    if rejected > 0 && !may_be_notices {
         let text = format!(
             "{rejected} bytes were no frames: noise, the bias of the line, another baud rate, or \
                 two motors with one id"
