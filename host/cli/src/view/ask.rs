@@ -27,6 +27,9 @@ pub enum Ask {
     Set { axis: u8, mode: Mode, value: f32, speed_limit_rad_s: Option<f32> },
     /// Stop an axis, which disarms it.
     Rest { axis: u8 },
+    /// What was said cannot be read: stop what is armed here, as that may have been meant.
+    #[serde(skip)]
+    Unreadable,
 }
 
 /// What a value sets.

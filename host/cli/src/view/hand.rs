@@ -178,10 +178,7 @@ impl Command<'_> {
             // A setpoint was refused: whatever it was of, all that was armed here stops.
             (Err(ClientError::Gateway(error)), None) if !has_lost_command(&error) => {
                 self.tell_refused(&Failure::would_be_refused(error));
-                self.client.stop_armed()?;
-                self.armed.keys().for_each(|axis| self.outbox.put_json(&disarmed(*axis)));
-                self.armed.clear();
-                self.held.clear();
+                self.stop_armed()?;
                 Ok(ControlFlow::Continue(asked))
             }
             (Err(error), None) => Err(error.into()),
@@ -208,9 +205,15 @@ impl Command<'_> {
             Ask::Arm { axis } => self.arm(axis),
             Ask::Clear { axis } => Ok(self.client.clear(ClearTarget::Axis(axis))?),
             Ask::Rest { axis } => self.rest(axis),
+            Ask::Unreadable => self.stop_armed(),
             Ask::Jog { axis, .. } | Ask::Set { axis, .. } => {
-                let Some((_, setpoint)) = ask.setpoint().map_err(Failure::Usage)? else {
-                    return Ok(());
+                let setpoint = match ask.setpoint() {
+                    Ok(Some((_, setpoint))) => setpoint,
+                    Ok(None) => return Ok(()),
+                    Err(why) => {
+                        self.tell_refused(&Failure::Usage(why));
+                        return self.stop_armed();
+                    }
                 };
                 if !self.armed.contains_key(&axis) {
                     let text = format!("axis {axis} is not armed by this page: arm it first");
@@ -248,6 +251,14 @@ impl Command<'_> {
             self.client.stop(StopTarget::Axis(axis))?;
             self.outbox.put_json(&disarmed(axis));
         }
+        Ok(())
+    }
+
+    fn stop_armed(&mut self) -> Result<(), Failure> {
+        self.client.stop_armed()?;
+        self.armed.keys().for_each(|axis| self.outbox.put_json(&disarmed(*axis)));
+        self.armed.clear();
+        self.held.clear();
         Ok(())
     }
 

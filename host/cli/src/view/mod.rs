@@ -167,13 +167,21 @@ fn attend(mut visitor: Visitor, reach: &Reach, hub: &Hub) {
     let seat = hub.seat_page(&outbox);
     let (heard, mut hand) = (Heard::now(), None::<Hand>);
     while let Some(text) = visitor.hear() {
-        heard.again();
+        let asked = Ask::read(&text);
+        if asked.is_ok() {
+            heard.again();
+        }
         let refuse = |message: &str| {
             let told = json!({ "event": "refused", "name": "Usage", "message": message });
             outbox.put_json(&told);
         };
-        match Ask::read(&text) {
-            Err(why) => refuse(&why),
+        match asked {
+            Err(why) => {
+                refuse(&why);
+                if let Some(hand) = &hand {
+                    hand.order(Ask::Unreadable);
+                }
+            }
             Ok(Ask::Seen { tick }) => hub.has_drawn(seat, tick),
             Ok(Ask::Here) => {}
             Ok(_) if visitor.grant == Grant::Read => {

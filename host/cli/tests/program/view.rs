@@ -133,12 +133,22 @@ impl Page {
     /// The first message for which `find` finds something. Meanwhile the page says that it is
     /// there.
     fn wait_for<T>(&mut self, what: &str, find: impl Fn(&Value) -> Option<T>) -> T {
+        self.wait_for_saying(what, &json!({ "ask": "here" }), find)
+    }
+
+    /// The same; meanwhile the page says this again and again, and draws only if that is an ask.
+    fn wait_for_saying<T>(
+        &mut self,
+        what: &str,
+        said: &Value,
+        find: impl Fn(&Value) -> Option<T>,
+    ) -> T {
         let (end, mut beat) = (Instant::now() + LIMIT, Instant::now());
         let mut last = Value::Null;
         while Instant::now() < end {
             if beat.elapsed() >= BEAT {
                 beat = Instant::now();
-                self.say(json!({ "ask": "here" }));
+                self.say(said.clone());
             }
             let message: Value = match self.0.read() {
                 Ok(Message::Text(text)) => serde_json::from_str(&text).unwrap(),
@@ -150,7 +160,9 @@ impl Page {
                 }
                 Err(error) => panic!("{what}: {error}, after {last}"),
             };
-            if let Some(tick) = Value::as_u64(&message["tick"]) {
+            if said["ask"].is_string()
+                && let Some(tick) = Value::as_u64(&message["tick"])
+            {
                 self.say(json!({ "ask": "seen", "tick": tick }));
             }
             if let Some(found) = find(&message) {
@@ -183,6 +195,19 @@ impl Page {
         self.say(json!({ "ask": "take" }));
         let command = self.event("command");
         assert_eq!(command["state"], "taken", "{command}");
+    }
+
+    /// Arms an axis; one that still turns is refused until it stands.
+    fn arm_once_at_rest(&mut self, axis: u8) {
+        loop {
+            self.say(json!({ "ask": "arm", "axis": axis }));
+            let is_answer =
+                |told: &Value| ["armed", "refused"].iter().any(|name| told["event"] == *name);
+            let answer = self.wait_for("an answer", |told| is_answer(told).then(|| told.clone()));
+            if answer["event"] == "armed" {
+                return;
+            }
+        }
     }
 
     /// Turns an axis.
@@ -448,6 +473,39 @@ fn a_page_moves_only_what_it_has_armed_in_command() {
     page.say(json!({ "ask": "set", "axis": 0, "mode": "velocity", "value": 1000.0 }));
     assert!(page.refusal().contains("velocity"));
     assert_eq!(page.event("disarmed")["axis"], 0, "what was refused ends what was armed");
+}
+
+#[test]
+fn a_message_that_cannot_be_read_stops_what_its_page_has_armed() {
+    let sim = Sim::patient();
+    let view = View::start(&sim.port, &[]);
+    let mut page = view.page();
+    page.take_command();
+    for unreadable in [
+        json!({ "ask": "set", "axis": 0, "mode": "velocity", "value": null }),
+        json!({ "ask": "set", "axis": 0, "mode": "velocity", "value": 1e300 }),
+        json!("slower"),
+    ] {
+        page.arm_once_at_rest(0);
+        page.say(json!({ "ask": "set", "axis": 0, "mode": "velocity", "value": 2.0 }));
+        page.await_state(0, "active");
+        page.say(unreadable.clone());
+        assert!(!page.refusal().is_empty());
+        assert_eq!(page.event("disarmed")["axis"], 0, "{unreadable}");
+        motor_is_stopped(&sim);
+    }
+}
+
+#[test]
+fn a_page_that_says_only_what_cannot_be_read_counts_as_silent() {
+    let sim = Sim::patient();
+    let view = View::start(&sim.port, &[]);
+    let mut page = view.page();
+    page.take_command();
+    let ended = page.wait_for_saying("the end", &json!("here"), |message| {
+        (message["event"] == "command").then(|| message["message"].as_str().unwrap().to_owned())
+    });
+    assert!(ended.contains("silent"), "{ended}");
 }
 
 #[test]
