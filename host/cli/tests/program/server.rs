@@ -141,6 +141,8 @@ fn a_server_without_its_gateway_says_so_and_finds_it_again() {
         }
         assert!(Instant::now() < end, "{text}");
     }
+    let text = server.mgw(&["stop"]).failure(3);
+    assert!(text.contains("nothing answered within 3000 ms"), "{text}");
     let _again = Process::start(&["sim", "--listen", &address]);
     server.process.wait_for("the gateway", |line| line.starts_with("gateway: ").then_some(()));
     server.mgw(&["info"]).success();
