@@ -74,11 +74,12 @@ pub fn run(session: &mut Session, arguments: &AdoptArgs) -> Result<(), Failure> 
         "adopted": adopted, "left_out": left_out,
         "file": path.map(|path| path.display().to_string()), "configuration": text,
     });
-    session.out.object(&fields)?;
     let Some(path) = path else {
+        session.out.object(&fields)?;
         return text.lines().try_for_each(|line| session.out.text(line));
     };
     written::write(path, &text, arguments.force)?;
+    session.out.object(&fields)?;
     session.out.text(format!(
         "{}: {}, {} of them new. Read it, then `mgw config check {0}`",
         path.display(),

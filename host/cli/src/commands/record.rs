@@ -36,11 +36,12 @@ pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure>
     let followed = session.client.subscribe(&axes, fields, period).map_err(Failure::from);
     let followed = followed.and_then(|()| {
         let file = arguments.file.display().to_string();
-        session.out.event(
+        // It goes on where nobody reads this.
+        let _ = session.out.event(
             "recording",
             format!("recording into {file}; Ctrl-C ends it"),
             json!({ "file": file }),
-        )?;
+        );
         follow(session, &recording, bus, arguments.seconds)
     });
     let (followed, interrupted) = match followed {
@@ -55,8 +56,8 @@ pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure>
         let _ = session.client.unsubscribe().and(closed);
     }
     let summary = summary?;
-    session.out.event("recording_ended", summary.text(), summary.fields())?;
-    followed
+    let told = session.out.event("recording_ended", summary.text(), summary.fields());
+    Failure::first([followed, told])
 }
 
 fn follow(

@@ -128,6 +128,8 @@ fn check_signature(
         let text = format!("{text} (docs/update.md)");
         Err(Failure::Explained { error: Error::ImageNotSigned {}, text })
     };
+    // The update goes on where nobody reads this.
+    let tell = |name, text| drop(session.out.event(name, text, json!({})));
     let header = &image.header;
     match signature {
         None if runs.needs_signature => {
@@ -137,16 +139,20 @@ fn check_signature(
             "the image carries a key, and must be signed with its other half: --signature FILE",
         ),
         None => Ok(()),
-        Some(_) if runs.needs_signature => session.out.event(
-            "signature_unknown",
-            "the gateway alone knows its key: it looks at the signature when all is written",
-            json!({}),
-        ),
-        Some(_) if !header.has_key() => session.out.event(
-            "signature_unused",
-            "nobody looks at the signature: neither the gateway nor the image carries a key",
-            json!({}),
-        ),
+        Some(_) if runs.needs_signature => {
+            tell(
+                "signature_unknown",
+                "the gateway alone knows its key: it looks at the signature when all is written",
+            );
+            Ok(())
+        }
+        Some(_) if !header.has_key() => {
+            tell(
+                "signature_unused",
+                "nobody looks at the signature: neither the gateway nor the image carries a key",
+            );
+            Ok(())
+        }
         Some(signature) => {
             let mut check = Check::new(NO_KEY);
             check.update(&image.bytes);

@@ -8,7 +8,7 @@ use std::process::Stdio;
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::sys::signal::Signal;
 
-use crate::support::{Process, Sim, file, json, mgw_cut_short};
+use crate::support::{Process, Sim, file, json, mgw, mgw_cut_short};
 
 /// What a pipe holds at least.
 const PIPE: i32 = 4_096;
@@ -93,6 +93,34 @@ fn a_motion_whose_reader_goes_is_stopped_and_no_success() {
         let state = sim.await_state("0", |_| true);
         assert_eq!(state["state"], "holding", "{words:?}: {state}");
     }
+}
+
+/// Nobody reads what they print: they do what they are for all the same, or fail.
+#[test]
+fn what_is_written_and_changed_needs_no_reader() {
+    let sim = Sim::patient();
+    let cut_short = |words: &[&str]| {
+        let arguments = [&["--port", &sim.port], words].concat();
+        mgw_cut_short(&arguments, Stdio::null(), 0)
+    };
+    let found = file("found.toml");
+    assert_eq!(
+        cut_short(&["--json", "adopt", "0", "--listen", "0", "--output", &found]).code,
+        Some(0)
+    );
+    assert!(std::fs::read_to_string(&found).expect("it is written").contains("[[bus]]"));
+
+    let recorded = file("unread.mcap");
+    let record = ["record", &recorded, "0", "--period", "5", "--for", "0.5"];
+    assert_eq!(cut_short(&record).code, Some(0));
+    let played = mgw(&["--json", "play", &recorded]).json_lines();
+    assert!(played.len() > 10, "{played:?}");
+
+    let lock = ["motor", "0", "brake", "lock", "--yes"];
+    let said = sim.mgw_once_in_command(&lock).failure(1);
+    assert!(said.contains("status does not say so"), "{said}");
+    let said = cut_short(&lock).failure(1);
+    assert!(said.contains("status does not say so"), "{said}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Another firmware for a simulated gateway, typed as a user would.
 
 use std::fs;
+use std::process::Stdio;
 use std::time::Instant;
 
 use firmware_image::{FirmwareVersion, Header, NO_KEY};
@@ -9,7 +10,7 @@ use salty::{Keypair, Sha512};
 use serde_json::{Value, json};
 
 use crate::server::Server;
-use crate::support::{LIMIT, Outcome, Process, Sim, file, json, mgw};
+use crate::support::{LIMIT, Outcome, Process, Sim, file, json, mgw, mgw_cut_short};
 
 fn put(name: &str, bytes: &[u8]) -> String {
     let path = file(name);
@@ -162,6 +163,10 @@ fn a_gateway_with_a_key_takes_only_what_is_signed() {
     let signature = signed("keyed.sig", &fs::read(&keyed).unwrap());
     let told = update(&sim, &[&plain, "--signature", &signature, "--check"]).success();
     assert!(told.starts_with("nobody looks at the signature"), "{told}");
+    let_go(&sim);
+    let unread = ["--port", &sim.port, "update", &plain, "--signature", &signature];
+    assert_eq!(mgw_cut_short(&unread, Stdio::null(), 0).code, Some(0), "nobody reads that");
+    assert_eq!(runs(&sim), kept("0.2.0", false));
     update(&sim, &[&keyed, "--signature", &signature]).success();
     assert_eq!(runs(&sim), kept("0.2.0", true));
 
