@@ -79,7 +79,7 @@ fn of_file(path: &Path, told: &Told, out: Output) -> Result<Table, Failure> {
         reading.take(value, log_ns, told).map_err(wrong)
     })?;
     if !is_whole {
-        out.aside(format!("{name} was cut off: what was written before that is here"));
+        record::tell_cut_off(path, out)?;
     }
     let table = reading.table(told).map_err(wrong)?;
     if table.entries().next().is_none() {

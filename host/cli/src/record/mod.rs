@@ -26,6 +26,7 @@ use serde_json::{Value, json};
 
 use crate::failure::Failure;
 use crate::faults::Protocols;
+use crate::output::Output;
 
 use file::{Files, Limits};
 
@@ -44,6 +45,13 @@ pub fn each_message(
     mut each: impl FnMut(&Value, u64) -> Result<(), Failure>,
 ) -> Result<bool, Failure> {
     read::file(path, |message| each(&message.value, message.log_ns))
+}
+
+/// Says of a recording that it has no end.
+pub fn tell_cut_off(path: &Path, out: Output) -> Result<(), Failure> {
+    let file = path.display().to_string();
+    out.aside(format!("{file} was cut off: what was written before that is here"));
+    out.object(&crate::json::line("cut_off", json!({ "file": file })))
 }
 
 /// What waits to be written, at most: 4 s of eight axes at 1 kHz. Beyond that it is lost, and

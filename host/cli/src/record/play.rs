@@ -5,6 +5,7 @@ use serde_json::json as object;
 use super::export::{Columns, Lines, candump};
 use super::read::{self, Recorded};
 use super::show::Show;
+use super::tell_cut_off;
 use crate::args::{Part, PlayArgs};
 use crate::failure::Failure;
 use crate::output::Output;
@@ -12,6 +13,8 @@ use crate::output::Output;
 /// Prints recordings, or exports them.
 pub fn run(arguments: &PlayArgs, out: Output) -> Result<(), Failure> {
     let (part, topics) = (&arguments.part, &*arguments.topics);
+    // Lines of an export have no JSON among them.
+    let aside = if out.is_json() { Output::none() } else { out };
     if arguments.csv {
         // A line has a place for each field of any.
         let mut columns = Columns::default();
@@ -21,12 +24,12 @@ pub fn run(arguments: &PlayArgs, out: Output) -> Result<(), Failure> {
         })?;
         let mut lines = Lines::new();
         lines.line(&columns.head())?;
-        each(part, topics, out, |message| lines.line(&columns.row(&message)))?;
+        each(part, topics, aside, |message| lines.line(&columns.row(&message)))?;
         return lines.end();
     }
     if arguments.candump {
         let mut lines = Lines::new();
-        each(part, topics, out, |message| {
+        each(part, topics, aside, |message| {
             candump(&message).map_or(Ok(()), |line| lines.line(&line))
         })?;
         return lines.end();
@@ -60,10 +63,7 @@ pub fn each(
                 },
             )?;
         if !is_whole {
-            out.aside(format!(
-                "{} was cut off: what was written before that is here",
-                path.display()
-            ));
+            tell_cut_off(path, out)?;
         }
     }
     Ok(())

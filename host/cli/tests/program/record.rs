@@ -111,8 +111,9 @@ fn a_killed_recording_is_readable_and_says_that_it_was_cut_off() {
     recorder.wait_for("the recording", |line| line.starts_with("recording into").then_some(()));
     sim.mgw(&["set", "0", "velocity", "2", "--for", "2.5"]).success();
     recorder.kill();
-    let outcome = mgw(&["--json", "play", &path]);
-    let lines = outcome.json_lines();
+    let lines = mgw(&["--json", "play", &path]).json_lines();
+    let told = lines.last().expect("lines");
+    assert_eq!((&told["event"], &told["file"]), (&"cut_off".into(), &path.clone().into()));
     let fast = |line: &Value| line["message"]["velocity_rad_s"]["value"].as_f64() > Some(1.5);
     assert!(lines.iter().filter(|line| fast(line)).count() > 100, "{}", lines.len());
     let told = mgw(&["play", &path]);

@@ -151,6 +151,8 @@ fn each_command_prints_what_the_schema_says_of_it() {
         ("config timeout 0 200", "timeout"),
         ("config axis 0 velocity_limit_rad_s=5", "done"),
         ("config dump", "dump"),
+        ("config schema", "schema"),
+        ("update --confirm", "event"),
         (
             concat!("config apply ", env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml"),
             "configured",
