@@ -1,6 +1,7 @@
 //! The terminal while it shows the live view, and as it was before afterwards: also after a panic.
 
 use std::io::{self, IsTerminal, Stdout, Write};
+use std::mem::ManuallyDrop;
 use std::panic;
 
 use crossterm::cursor::{Hide, Show};
@@ -41,7 +42,9 @@ pub fn has_colour() -> bool {
 
 /// The terminal; as it was before when this is dropped.
 pub struct Display {
-    terminal: Terminal<CrosstermBackend<Stdout>>,
+    /// Never dropped by itself: it would show the cursor, which [`restore`] does, and panic where
+    /// it can tell nobody that the terminal has gone.
+    terminal: ManuallyDrop<Terminal<CrosstermBackend<Stdout>>>,
 }
 
 impl Display {
@@ -56,7 +59,7 @@ impl Display {
         let opened = execute!(io::stdout(), EnterAlternateScreen, Hide)
             .and_then(|()| Terminal::new(CrosstermBackend::new(io::stdout())));
         match opened {
-            Ok(terminal) => Ok(Self { terminal }),
+            Ok(terminal) => Ok(Self { terminal: ManuallyDrop::new(terminal) }),
             Err(error) => {
                 restore();
                 Err(gone(error))
@@ -84,9 +87,10 @@ impl Display {
         enable_raw_mode().map_err(gone)?;
         // A new one, which knows nothing of what is on the screen. Its own way asks the terminal
         // where the cursor is, and waits.
-        self.terminal = execute!(io::stdout(), EnterAlternateScreen, Hide, Clear(ClearType::All))
+        let terminal = execute!(io::stdout(), EnterAlternateScreen, Hide, Clear(ClearType::All))
             .and_then(|()| Terminal::new(CrosstermBackend::new(io::stdout())))
             .map_err(gone)?;
+        self.terminal = ManuallyDrop::new(terminal);
         Ok(())
     }
 

@@ -6,6 +6,7 @@ use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::process::{Child, Stdio};
 use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -15,6 +16,7 @@ use host_protocol::Setpoint;
 use mgw_cli::run_on;
 use mgw_client::{Client, Interrupt};
 use mgw_sim::{SimTransport, Wiring, World};
+use nix::fcntl::{FcntlArg, FdFlag, fcntl};
 use nix::pty::{Winsize, openpty};
 use nix::sys::signal::{self, Signal};
 use nix::sys::termios::{SetArg, Termios, tcgetattr, tcsetattr};
@@ -202,6 +204,8 @@ struct Top {
     terminal: File,
     before: Termios,
     shown: Arc<Mutex<Shown>>,
+    /// Nobody reads the screen any more.
+    hung_up: Arc<AtomicBool>,
     program: Child,
 }
 
@@ -209,6 +213,8 @@ impl Top {
     fn start(port: &str) -> Self {
         let size = Winsize { ws_row: HEIGHT, ws_col: WIDTH, ws_xpixel: 0, ws_ypixel: 0 };
         let pty = openpty(Some(&size), None).expect("a pseudo terminal");
+        // Or the program kept its own terminal from going away.
+        fcntl(&pty.master, FcntlArg::F_SETFD(FdFlag::FD_CLOEXEC)).expect("it is open");
         let terminal = File::from(pty.slave);
         let before = tcgetattr(&terminal).expect("it is a terminal");
         let side = || Stdio::from(terminal.try_clone().expect("once more"));
@@ -220,13 +226,17 @@ impl Top {
         let mut output = keys.try_clone().expect("once more");
         let shown = Arc::new(Mutex::new(Shown::new()));
         let screen = shown.clone();
+        let hung_up = Arc::new(AtomicBool::new(false));
+        let ends = hung_up.clone();
         std::thread::spawn(move || {
             let mut buffer = [0; 4096];
-            while let Ok(count @ 1..) = output.read(&mut buffer) {
+            while !ends.load(Ordering::Relaxed)
+                && let Ok(count @ 1..) = output.read(&mut buffer)
+            {
                 screen.lock().expect("nobody panicked").take(&buffer[..count]);
             }
         });
-        Self { keys, terminal, before, shown, program }
+        Self { keys, terminal, before, shown, hung_up, program }
     }
 
     fn press(&mut self, key: &str) {
@@ -250,16 +260,28 @@ impl Top {
         }
     }
 
-    /// The exit code; the terminal is as it was before.
-    fn end(mut self) -> Option<i32> {
+    /// Its terminal goes away, as a window that is closed; the exit code.
+    fn hang_up(mut self) -> Option<i32> {
+        self.hung_up.store(true, Ordering::Relaxed);
+        self.keys = File::open("/dev/null").expect("it is there");
+        self.exit_code()
+    }
+
+    fn exit_code(&mut self) -> Option<i32> {
         let end = Instant::now() + LIMIT;
-        let code = loop {
+        loop {
             if let Some(status) = self.program.try_wait().expect("it was started") {
-                break status.code();
+                return status.code();
             }
             assert!(Instant::now() < end, "it does not end:\n{}", self.screen());
             std::thread::sleep(LOOK_EVERY);
-        };
+        }
+    }
+
+    /// The exit code; the terminal is as it was before.
+    fn end(mut self) -> Option<i32> {
+        let code = self.exit_code();
+        let end = Instant::now() + LIMIT;
         assert_eq!(tcgetattr(&self.terminal).expect("it is a terminal"), self.before);
         let left = "\u{1b}[?1049l";
         let is_left = |top: &Self| {
@@ -280,6 +302,15 @@ impl Drop for Top {
         let _ = self.program.kill();
         let _ = self.program.wait();
     }
+}
+
+#[test]
+fn it_ends_without_a_panic_when_its_terminal_goes_away() {
+    let device = Device::open();
+    let top = Top::start(&device.name);
+    top.wait_for("an axis", |screen| screen.contains(">   0"));
+    let code = top.hang_up();
+    assert!(matches!(code, Some(0 | 1)), "{code:?}");
 }
 
 #[test]
