@@ -82,6 +82,11 @@ pub fn allowed(info: &ParameterInfo) -> String {
     }
 }
 
+/// Whether its values may be words.
+pub fn takes_words(info: &ParameterInfo) -> bool {
+    info.is_can_id() || names(info).is_some()
+}
+
 /// A value for people: a name where the number has one.
 pub fn shown(info: &ParameterInfo, value: Value) -> String {
     let name = match value {

@@ -13,6 +13,7 @@ use super::{
 };
 use crate::config::BusKey;
 use crate::failure::Failure;
+use crate::parameters;
 use crate::printable::printable;
 
 /// Bytes that a file may have: many times what every axis with every parameter takes.
@@ -243,9 +244,25 @@ pub fn read_value(row: Subject, key: &str, value: &DeValue<'_>) -> Result<Entry,
         }
         (row, key, value) => {
             let text = scalar(value).ok_or_else(|| wrong("a single value"))?;
-            entry(row, key, &text)
+            let entry = entry(row, key, &text)?;
+            match value.as_str().and_then(|_| takes_no_text(&entry)) {
+                Some(takes) => Err(wrong(&format!("{takes}, without quotes"))),
+                None => Ok(entry),
+            }
         }
     }
+}
+
+/// What a key takes that has no words.
+fn takes_no_text(entry: &Entry) -> Option<String> {
+    let info = match entry {
+        Entry::Gateway(parameter, _) => parameter.info(),
+        Entry::Axis(_, parameter, _) => parameter.info(),
+        Entry::Bus(_, BusKey::Exclusive(_)) => return Some("true or false".to_owned()),
+        Entry::Bus(..) | Entry::MotorTimeout(..) => return Some("a whole number".to_owned()),
+        Entry::Name(..) => return None,
+    };
+    (!parameters::takes_words(info)).then(|| parameters::allowed(info))
 }
 
 /// The number of the line in which a place stands, from 1.

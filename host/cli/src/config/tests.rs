@@ -132,6 +132,39 @@ node = 3
 }
 
 #[test]
+fn a_number_or_a_switch_in_quotes_is_refused() {
+    let text = "\
+[gateway]
+link_silence_us = \"200000\"
+
+[[bus]]
+bus = 0
+bitrate = 1000000
+protocols = [\"rmd\"]
+exclusive = \"false\"
+
+[[axis]]
+axis = 0
+bus = 0
+protocol = \"rmd\"
+node = \"1\"
+stop_action = \"hold\"
+velocity_limit_rad_s = \"5\"
+allow_unknown_motor_timeout = \"true\"
+";
+    assert_eq!(
+        wrong(text),
+        [
+            "a.toml: line 2, gateway: link_silence_us takes 50000 to 10000000 µs, without quotes",
+            "a.toml: line 8, bus 0: exclusive takes true or false, without quotes",
+            "a.toml: line 14, axis 0: node takes 1 to 253, without quotes",
+            "a.toml: line 16, axis 0: velocity_limit_rad_s takes 0 to 10000 rad/s, without quotes",
+            "a.toml: line 17, axis 0: allow_unknown_motor_timeout takes true or false, without quotes",
+        ]
+    );
+}
+
+#[test]
 fn a_bitrate_of_zero_is_answered_with_those_that_there_are() {
     assert_eq!(
         wrong("[[bus]]\nbus = 0\nbitrate = 0\nprotocols = [\"rmd\"]\n"),
