@@ -9,7 +9,7 @@ mod file;
 mod schema;
 mod template;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use gateway::{BusPort, BusPortKind};
@@ -322,12 +322,16 @@ fn keys<K: Ord + Copy, V>(one: &BTreeMap<K, V>, other: &BTreeMap<K, V>) -> Vec<K
     keys
 }
 
-/// Reads `NAME=VALUE` pairs for a row.
+/// Reads `NAME=VALUE` pairs for a row, each name once.
 pub fn assignments(row: Subject, texts: &[String]) -> Result<Vec<Entry>, Failure> {
+    let mut names = BTreeSet::new();
     texts
         .iter()
         .map(|text| {
             let (name, value) = parameters::split(text)?;
+            if !names.insert(name) {
+                return Err(Failure::Usage(format!("{name} is given twice. Give it once")));
+            }
             entry(row, name, value)
         })
         .collect()

@@ -58,14 +58,19 @@ impl Wanted {
                     let value = given.or_else(|| words.next().cloned());
                     let value = value.ok_or_else(|| usage(format!("`{word}` has no value")))?;
                     match name {
-                        "protocol" => protocol = Some(choice(name, &value)?),
-                        "bus" => bus = Some(choice(name, &value)?),
-                        "node" => node = Some(value),
-                        "can-id" => can_id = Some(value),
+                        "protocol" => once(&mut protocol, name, choice(name, &value)?)?,
+                        "bus" => once(&mut bus, name, choice(name, &value)?)?,
+                        "node" => once(&mut node, name, value)?,
+                        "can-id" => once(&mut can_id, name, value)?,
                         field => fields.push((field.replace('-', "_"), value)),
                     }
                 }
             }
+        }
+        if list && (command.is_some() || !fields.is_empty()) {
+            return Err(usage(
+                "--list lists all commands: give it no command and no fields".into(),
+            ));
         }
         let protocol = protocol
             .ok_or_else(|| usage("whose command? Give --protocol rmd, thruster or d5".into()))?;
@@ -106,6 +111,14 @@ impl Wanted {
     /// To whom it goes.
     pub fn to(&self) -> Result<To, Failure> {
         self.to.ok_or_else(|| usage("to which motor? Give --node and its number, or `all`".into()))
+    }
+}
+
+/// Takes the value of an option that may be given once.
+fn once<T>(place: &mut Option<T>, option: &str, value: T) -> Result<(), Failure> {
+    match place.replace(value) {
+        None => Ok(()),
+        Some(_) => Err(usage(format!("--{option} is given twice. Give it once"))),
     }
 }
 

@@ -447,3 +447,19 @@ fn a_stop_on_links_that_close_is_not_confirmed() {
         assert!(error["message"].as_str().unwrap().contains("sent, not confirmed"), "{error}");
     }
 }
+
+#[test]
+fn what_is_given_twice_is_refused() {
+    let sim = Sim::start();
+    let twice = ["config", "axis", "0", "ttl_us=100000", "ttl_us=200000"];
+    let text = sim.mgw_once_in_command(&twice).failure(2);
+    assert!(text.contains("ttl_us is given twice"), "{text}");
+    let text = mgw(&["encode", "--protocol", "rmd", "stop", "--node", "1", "--node", "2"]);
+    assert!(text.failure(2).contains("--node is given twice"));
+}
+
+#[test]
+fn a_list_of_commands_takes_no_field() {
+    let text = mgw(&["encode", "--protocol", "rmd", "--list", "--nosuch", "5"]).failure(2);
+    assert!(text.contains("no command and no fields"), "{text}");
+}
