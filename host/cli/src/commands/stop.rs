@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use host_protocol::{ClearTarget, Error, StopTarget};
+use host_protocol::{AxisState, ClearTarget, Error, StopTarget};
 use mgw_client::{ClientError, StopRequest, Transport, names_before_hello, stop_before_hello};
 use serde_json::json;
 
@@ -110,7 +110,11 @@ pub fn clear(
         ClearTarget::Gateway if unreachable => {
             return Err(Failure::Usage("--unreachable goes with an axis".to_owned()));
         }
-        target => session.client.clear(target).map_err(not_cleared)?,
+        ClearTarget::Axis(axis) => {
+            let line = clear_axis(session, axis)?;
+            return session.out.either(line, &json!({ "done": true }));
+        }
+        ClearTarget::Gateway => session.client.clear(target).map_err(not_cleared)?,
     }
     let line = match target {
         ClearTarget::Axis(axis) => cleared(axis),
@@ -123,8 +127,12 @@ pub fn clear(
 
 /// Clears the trip of an axis whose stop is confirmed; what then holds.
 pub fn clear_axis(session: &mut Session, axis: u8) -> Result<String, Failure> {
+    let state = session.client.read_state(axis).map(|report| report.state);
     session.client.clear(ClearTarget::Axis(axis)).map_err(not_cleared)?;
-    Ok(cleared(axis))
+    Ok(match state {
+        Ok(AxisState::Tripped { .. }) | Err(_) => cleared(axis),
+        Ok(_) => format!("axis {axis} was not tripped: there was nothing to clear"),
+    })
 }
 
 fn cleared(axis: u8) -> String {

@@ -52,7 +52,12 @@ pub fn objects(outcomes: &[(u8, Outcome)], motors: &Protocols) -> Vec<Value> {
 /// Waits for the stops of these axes and prints what each came to.
 pub fn report(session: &mut Session, axes: &[u8]) -> Result<(), Failure> {
     let (outcomes, result) = await_all(session, axes);
-    Failure::first([result, print(session, &outcomes)])
+    let nothing = if axes.is_empty() {
+        session.out.text("no axis is configured: there is nothing to stop")
+    } else {
+        Ok(())
+    };
+    Failure::first([result, nothing, print(session, &outcomes)])
 }
 
 fn print(session: &Session, outcomes: &[(u8, Outcome)]) -> Result<(), Failure> {

@@ -463,3 +463,11 @@ fn a_list_of_commands_takes_no_field() {
     let text = mgw(&["encode", "--protocol", "rmd", "--list", "--nosuch", "5"]).failure(2);
     assert!(text.contains("no command and no fields"), "{text}");
 }
+
+#[test]
+fn where_there_is_nothing_to_stop_or_to_clear_that_is_said() {
+    let said = Sim::with(&["--motor", "0:rmd:1"]).mgw(&["stop"]).success();
+    assert_eq!(said, "no axis is configured: there is nothing to stop\n");
+    let said = Sim::start().once("clear 0").success();
+    assert_eq!(said, "axis 0 was not tripped: there was nothing to clear\n");
+}
