@@ -68,6 +68,10 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return wrong_usage(&error),
     };
+    // An empty variable counts as none.
+    if std::env::var_os("MGW_PORT").is_some_and(|port| port.is_empty()) {
+        cli.port = cli.port.filter(|port| !port.is_empty());
+    }
     // Words after an encoded command are its own, and `--json` may be one of them.
     cli.json |=
         matches!(&cli.command, Some(Command::Encode(arguments)) if arguments.asks_for_json());

@@ -79,6 +79,8 @@ fn several_programs_use_one_gateway_and_find_the_server_by_themselves() {
     let found = server.mgw(&["info"]);
     assert!(found.stderr.contains("through the server at unix:"), "{found:?}");
     assert!(found.success().contains("simulat"));
+    let socket = server.socket.to_str().unwrap();
+    outcome_of(&["info"], &[("MGW_SOCKET", socket), ("MGW_PORT", "")]).success();
     let mut watchers: Vec<_> =
         (0..6).map(|_| server.program(&["--json", "watch", "0", "--period", "50"])).collect();
     let mut host = server.program(&["--json", "set", "0", "velocity", "2", "--for", "60"]);
