@@ -11,7 +11,10 @@ mod jitter;
 mod sine;
 
 use std::cell::RefCell;
+use std::pin::pin;
 use std::rc::Rc;
+use std::sync::mpsc::channel;
+use std::task::{Context, Waker};
 use std::time::Duration;
 
 use host_protocol::{AxisState, Event, Setpoint, StopTarget};
@@ -135,6 +138,29 @@ fn a_client_goes_on_after_an_interrupt() {
     interrupt.raise();
     let ended = gateway.set(RMD, after, turn, LASTS / 5);
     assert!(matches!(ended, Err(ClientError::Interrupted { armed: true })), "{ended:?}");
+}
+
+/// What waits behind another request lives no longer for it.
+#[test]
+fn a_setpoint_that_waited_longer_than_it_lives_is_not_sent() {
+    let gateway = connect();
+    let epoch = pollster::block_on(gateway.arm(RMD)).unwrap().epoch;
+    let (go_on, held_up) = channel::<()>();
+    let mut busy = pin!(gateway.with(move |_| {
+        let _ = held_up.recv();
+        Ok(())
+    }));
+    let (turn, ttl) = (Setpoint::Velocity { velocity_rad_s: 1.0 }, Duration::from_millis(20));
+    let mut set = pin!(gateway.set(RMD, epoch, turn, ttl));
+    let mut context = Context::from_waker(Waker::noop());
+    assert!(busy.as_mut().poll(&mut context).is_pending());
+    assert!(set.as_mut().poll(&mut context).is_pending());
+    std::thread::sleep(ttl);
+    go_on.send(()).unwrap();
+    let late = pollster::block_on(set);
+    assert!(matches!(late, Err(ClientError::NoAnswer { after, .. }) if after == ttl), "{late:?}");
+    let state = pollster::block_on(gateway.read_state(RMD)).unwrap().state;
+    assert_eq!(state, AxisState::Armed);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::io;
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_channel::oneshot;
 use host_protocol::replies::{Armed, AxisReport, HelloReply};
@@ -108,10 +108,11 @@ impl AsyncClient {
         self.with(move |client| client.arm_together(&axes)).await
     }
 
-    /// See [`Client::set`].
+    /// See [`Client::set`]. The setpoint expires `ttl` after this is awaited first, however long it
+    /// waits for the requests before it.
     ///
     /// # Errors
-    /// As [`with`](Self::with).
+    /// As [`with`](Self::with); [`ClientError::NoAnswer`] if it was not sent in that time.
     pub async fn set(
         &self,
         axis: u8,
@@ -119,13 +120,14 @@ impl AsyncClient {
         setpoint: Setpoint,
         ttl: Duration,
     ) -> Result<(), ClientError> {
-        self.with(move |client| client.set(axis, epoch, setpoint, ttl)).await
+        let left = left_of("Setpoint", ttl);
+        self.with(move |client| client.set(axis, epoch, setpoint, left()?)).await
     }
 
-    /// See [`Client::cycle`].
+    /// See [`Client::cycle`], and [`set`](Self::set) for `ttl`.
     ///
     /// # Errors
-    /// As [`with`](Self::with).
+    /// As [`set`](Self::set).
     pub async fn cycle(
         &self,
         epoch: u32,
@@ -134,7 +136,8 @@ impl AsyncClient {
         ttl: Duration,
     ) -> Result<Vec<CycleState>, ClientError> {
         let setpoints = setpoints.to_vec();
-        self.with(move |client| client.cycle(epoch, &setpoints, fields, ttl)).await
+        let left = left_of("Cycle", ttl);
+        self.with(move |client| client.cycle(epoch, &setpoints, fields, left()?)).await
     }
 
     /// See [`Client::read_state`].
@@ -194,6 +197,18 @@ fn serve(
     };
     if connected.send(Ok(client.hello().clone())).is_ok() {
         to_do.iter().for_each(|task| task(&mut client));
+    }
+}
+
+/// What is left of the life of a request that begins now.
+fn left_of(
+    request: &'static str,
+    ttl: Duration,
+) -> impl FnOnce() -> Result<Duration, ClientError> + Send {
+    let asked = Instant::now();
+    move || match ttl.saturating_sub(asked.elapsed()) {
+        Duration::ZERO => Err(ClientError::NoAnswer { request, after: ttl }),
+        left => Ok(left),
     }
 }
 
