@@ -66,6 +66,9 @@ pub struct Encoder {
     next_event: Option<u16>,
     /// The buses of the requests for raw frames that are under way.
     asked_of: HashMap<u16, u8>,
+    /// Events of the cable that found the queue full and whose numbers are not missed yet: they
+    /// count as unwritten.
+    unqueued: u64,
     losses: Losses,
     /// Those that are in the recording.
     losses_told: Losses,
@@ -78,9 +81,15 @@ impl Encoder {
             told: None,
             next_event: None,
             asked_of: HashMap::new(),
+            unqueued: 0,
             losses: Losses::default(),
             losses_told: Losses::default(),
         }
+    }
+
+    /// So many more events of the cable have found the queue full.
+    pub fn not_queued(&mut self, events: u64) {
+        self.unqueued += events;
     }
 
     /// What is lost so far.
@@ -183,7 +192,9 @@ impl Encoder {
     fn told_by_cable(&mut self, at: Duration, seen: &Seen) -> Message {
         let missing = self.next_event.map_or(0, |next| seen.sequence.wrapping_sub(next));
         if missing < BACKWARDS {
-            self.losses.on_the_way += u64::from(missing);
+            let unqueued = self.unqueued.min(missing.into());
+            self.unqueued -= unqueued;
+            self.losses.on_the_way += u64::from(missing) - unqueued;
         }
         self.next_event = Some(seen.sequence.wrapping_add(1));
         let decoded = if seen.number == CycleEvent::NUMBER {
@@ -232,7 +243,7 @@ impl Encoder {
                 // A session of the cable begins, and its events are counted from 0. The hello of a
                 // program opens none there.
                 if seen.program == Some(SERVER) {
-                    self.next_event = Some(0);
+                    (self.next_event, self.unqueued) = (Some(0), 0);
                 }
                 self.told = Some((at, hello.time_us));
             }

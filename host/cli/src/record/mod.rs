@@ -22,6 +22,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use host_protocol::Kind;
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
@@ -119,17 +120,27 @@ enum Put {
 #[derive(Clone)]
 pub struct Tap {
     queue: SyncSender<Put>,
-    unwritten: Arc<AtomicU64>,
+    unwritten: Arc<Unwritten>,
     start: Instant,
+}
+
+/// What has found the queue full.
+#[derive(Debug, Default)]
+struct Unwritten {
+    all: AtomicU64,
+    /// Events of a cable that the encoder has not been told of: their numbers will be missing.
+    events: AtomicU64,
 }
 
 impl Tap {
     /// Records this, now.
     pub fn put(&self, what: What) {
+        let is_event = matches!(&what, What::Seen(seen) if seen.kind == Kind::Event);
         let item = Item { at: self.start.elapsed(), what };
         // A recording that has failed has told so itself.
         if let Err(TrySendError::Full(_)) = self.queue.try_send(Put::Item(Box::new(item))) {
-            self.unwritten.fetch_add(1, Ordering::Relaxed);
+            self.unwritten.all.fetch_add(1, Ordering::Relaxed);
+            self.unwritten.events.fetch_add(is_event.into(), Ordering::Relaxed);
         }
     }
 }
@@ -151,7 +162,7 @@ impl Recording {
         let limits = Limits { longest: place.longest, since_epoch };
         let files = Files::create(place.path.clone(), limits, file::opener(place))?;
         let (queue, items) = sync_channel(WAITING);
-        let unwritten = Arc::new(AtomicU64::new(0));
+        let unwritten = Arc::new(Unwritten::default());
         let tap = Tap { queue, unwritten: unwritten.clone(), start: Instant::now() };
         let encoder = Encoder::new(motors);
         let writer = thread::spawn(move || write_down(&items, &unwritten, encoder, files));
@@ -184,7 +195,7 @@ impl Recording {
 /// Takes what is put in and writes it, until the end or a failure.
 fn write_down(
     items: &Receiver<Put>,
-    unwritten: &AtomicU64,
+    unwritten: &Unwritten,
     mut encoder: Encoder,
     mut files: Files,
 ) -> Result<Summary, Failure> {
@@ -193,19 +204,20 @@ fn write_down(
     loop {
         match items.recv_timeout(FLUSH_EVERY.saturating_sub(flushed.elapsed())) {
             Ok(Put::Item(item)) => {
+                encoder.not_queued(unwritten.events.swap(0, Ordering::Relaxed));
                 encoder.take(*item).iter().try_for_each(|message| files.write(message))?;
             }
             Ok(Put::End) | Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {}
         }
         if flushed.elapsed() >= FLUSH_EVERY {
-            let told = encoder.losses(start.elapsed(), unwritten.load(Ordering::Relaxed));
+            let told = encoder.losses(start.elapsed(), unwritten.all.load(Ordering::Relaxed));
             told.iter().try_for_each(|message| files.write(message))?;
             files.flush()?;
             flushed = Instant::now();
         }
     }
-    let told = encoder.losses(start.elapsed(), unwritten.load(Ordering::Relaxed));
+    let told = encoder.losses(start.elapsed(), unwritten.all.load(Ordering::Relaxed));
     told.iter().try_for_each(|message| files.write(message))?;
     files.finish(encoder.lost())
 }

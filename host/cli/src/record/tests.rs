@@ -330,7 +330,7 @@ fn read(bytes: &[u8], name: &str) -> (Vec<Recorded>, bool) {
 #[test]
 fn what_a_slow_disk_has_no_time_for_is_counted_in_the_file() {
     let (queue, items) = sync_channel(2);
-    let unwritten = Arc::new(AtomicU64::new(0));
+    let unwritten = Arc::new(Unwritten::default());
     let tap = Tap { queue, unwritten: unwritten.clone(), start: Instant::now() };
     (0..5).for_each(|at| tap.put(What::Event(sample(at))));
     drop(tap);
@@ -344,6 +344,33 @@ fn what_a_slow_disk_has_no_time_for_is_counted_in_the_file() {
     let topics: Vec<&str> = messages.iter().map(|message| message.topic.as_str()).collect();
     assert_eq!(topics, ["/axis/3/sample", "/axis/3/sample", "/recording"]);
     assert_eq!(messages[2].value["lost_unwritten"], 3);
+}
+
+/// What had no place in the queue is missing in the numbers of the cable, too: it counts once.
+#[test]
+fn events_of_a_cable_that_a_slow_disk_has_no_time_for_count_once() {
+    let (queue, items) = sync_channel(2);
+    let unwritten = Arc::new(Unwritten::default());
+    let tap = Tap { queue, unwritten: unwritten.clone(), start: Instant::now() };
+    let put = |sequences: &[u16]| {
+        let events = sequences.iter().map(|sequence| event(*sequence, &tripped()));
+        events.for_each(|seen| tap.put(What::Seen(seen)));
+    };
+    let mut encoder = Encoder::new(Protocols::default());
+    let mut write = |count: usize| {
+        for _ in 0..count {
+            let Ok(Put::Item(item)) = items.try_recv() else { panic!("too few") };
+            encoder.not_queued(unwritten.events.swap(0, Ordering::Relaxed));
+            encoder.take(*item);
+        }
+        encoder.lost().on_the_way
+    };
+    put(&[0, 1, 2, 3]);
+    assert_eq!(write(2), 0);
+    // 2 and 3 had no place, and 4 was lost on the way.
+    put(&[5]);
+    assert_eq!(write(1), 1);
+    assert_eq!(unwritten.all.load(Ordering::Relaxed), 2);
 }
 
 #[test]
