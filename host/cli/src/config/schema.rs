@@ -9,6 +9,7 @@ use serde_json::{Value as Json, json};
 use super::{DEFAULT_REPLY_WINDOW_US, MOTOR_TIMEOUT, NAME};
 use crate::json::extend;
 use crate::output::number;
+use crate::parameters::to_json;
 
 /// The schema.
 pub fn schema() -> Json {
@@ -78,6 +79,9 @@ fn key(info: &ParameterInfo, text: &ParameterText) -> Json {
         _ if info.number == AxisParameter::StopAction.number() => {
             names(StopAction::ALL.iter().map(|action| action.name()))
         }
+        _ if info.number == AxisParameter::RmdDialect.number() => {
+            names(rmd::Dialect::ALL.iter().map(|dialect| dialect.name()))
+        }
         ValueKind::Bool => json!({ "type": "boolean" }),
         // The only signed parameter is a direction: one of two values.
         ValueKind::Signed => json!({ "enum": [plain(info.min), plain(info.max)] }),
@@ -92,7 +96,7 @@ fn key(info: &ParameterInfo, text: &ParameterText) -> Json {
         let unit = if text.unit.is_empty() { String::new() } else { format!(" [{}]", text.unit) };
         fields.insert("description".to_owned(), json!(format!("{}{unit}", text.doc)));
         if let Some(default) = info.default {
-            fields.insert("default".to_owned(), plain(default));
+            fields.insert("default".to_owned(), to_json(info, default));
         }
     }
     key

@@ -471,6 +471,7 @@ fn the_schema_is_that_of_the_examples_and_knows_every_key() {
     }
     assert_eq!(axis["properties"]["ttl_us"]["maximum"], 60_000_000);
     assert_eq!(axis["properties"]["stop_action"]["enum"][1], "hold");
+    assert_eq!(axis["properties"]["rmd_dialect"]["enum"][6], "v4_4");
     assert_eq!(
         axis["required"],
         serde_json::json!(["axis", "bus", "protocol", "node", "stop_action"])
