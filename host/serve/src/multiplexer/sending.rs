@@ -1,0 +1,205 @@
+//! What goes out on the cable next, and as whose.
+
+use std::time::Duration;
+
+use host_protocol::requests::{Hello, Ping, SUBSCRIPTION_PERIOD_US, Subscribe};
+use host_protocol::{Call, Deframer, PROTOCOL_MAJOR, PROTOCOL_MINOR, Request, StateFields};
+
+use super::{Multiplexer, ProgramId, State, nothing};
+use crate::ask::Ask;
+use crate::cable::Asker;
+use crate::program::{Fate, Turn};
+
+/// Hello goes out again after this time.
+const HELLO_EVERY: Duration = Duration::from_millis(100);
+/// Without a request of a watcher answered for this long the server asks one itself: a gateway that
+/// started anew refuses it. It is no sign of life.
+const PROBE_EVERY: Duration = Duration::from_secs(1);
+
+impl Multiplexer {
+    /// The next frame for the cable: stops, then what the server asks itself, then who commands,
+    /// then those who watch in turn.
+    pub fn poll_cable(&mut self, now: Duration) -> Option<Vec<u8>> {
+        let frame = self.next_for_cable(now)?;
+        if self.copies.is_wanted
+            && let Some(Ok(frame)) = Deframer::new().take(&mut frame.as_slice())
+        {
+            self.copies.keep(&self.cable, &frame);
+        }
+        Some(frame)
+    }
+
+    fn next_for_cable(&mut self, now: Duration) -> Option<Vec<u8>> {
+        if self.state == State::Closed {
+            return None;
+        }
+        if let Some(frame) = self.next_stop(now) {
+            return Some(frame);
+        }
+        if let State::Greeting { next, hello } = self.state {
+            return if now >= next { self.hello(now, hello) } else { None };
+        }
+        if let Some(frame) = self.own_request(now) {
+            return Some(frame);
+        }
+        let first = self.in_command.into_iter();
+        for id in first.chain(self.in_turn()).collect::<Vec<_>>() {
+            if let Some(frame) = self.next_of(now, id) {
+                if self.in_command != Some(id) {
+                    self.turn = id;
+                }
+                return Some(frame);
+            }
+        }
+        None
+    }
+
+    /// The programs, beginning behind the one that had its turn last.
+    fn in_turn(&self) -> impl Iterator<Item = ProgramId> {
+        let behind = self.programs.range(self.turn + 1..).map(|(id, _)| *id);
+        behind.chain(self.programs.range(..=self.turn).map(|(id, _)| *id))
+    }
+
+    fn next_stop(&mut self, now: Duration) -> Option<Vec<u8>> {
+        if !self.cable.has_room_for_stop(now) {
+            return None;
+        }
+        if let Some(ask) = self.last_words.pop_front() {
+            return Some(self.cable.ask(now, Asker::Server, ask, true, self.claims).1);
+        }
+        for id in self.in_turn().collect::<Vec<_>>() {
+            let turn = self.programs.get_mut(&id).and_then(|program| program.stops.pop_front());
+            if let Some(frame) = turn.and_then(|turn| self.send(now, id, turn)) {
+                self.turn = id;
+                return Some(frame);
+            }
+        }
+        None
+    }
+
+    fn next_of(&mut self, now: Duration, id: ProgramId) -> Option<Vec<u8>> {
+        let watches = self.in_command != Some(id);
+        loop {
+            let program = self.programs.get_mut(&id)?;
+            let turn = program.queue.front()?.clone();
+            if let Turn::New(order) = turn
+                && let Some(kept) = program.kept(order)
+                && !self.cable.has_room(now, watches || kept.ask.watches, &kept.ask)
+            {
+                return None;
+            }
+            self.programs.get_mut(&id)?.queue.pop_front();
+            if let Some(frame) = self.send(now, id, turn) {
+                return Some(frame);
+            }
+        }
+    }
+
+    /// The frame of what a program wants; `None` where there is nothing to send for it any more.
+    fn send(&mut self, now: Duration, id: ProgramId, turn: Turn) -> Option<Vec<u8>> {
+        let commands = self.in_command == Some(id);
+        let claims = self.claims;
+        match turn {
+            Turn::New(order) => {
+                let program = self.programs.get_mut(&id)?;
+                let mut ask = program.kept(order)?.ask.clone();
+                if ask.number == Subscribe::NUMBER {
+                    self.subscribe(id, &mut ask);
+                }
+                let watches = !commands || ask.watches;
+                let asker = Asker::Program { id, order };
+                let (sequence, frame) = self.cable.ask(now, asker, ask, watches, claims);
+                self.programs.get_mut(&id)?.kept(order)?.fate = Fate::Asked(sequence);
+                Some(frame)
+            }
+            Turn::Again(sequence) => {
+                let asked = self.cable.asked(sequence)?;
+                // As a sign of life it would be that of who commands now.
+                if asked.watches {
+                    return self.cable.again(now, sequence);
+                }
+                if commands {
+                    // What the gateway could take for a new one is a sign of life all the same.
+                    let again = self.cable.again(now, sequence);
+                    return Some(again.unwrap_or_else(|| self.own(now, &Ping {}, false).1));
+                }
+                let (ask, asker) = (asked.ask.clone(), asked.asker);
+                let Asker::Program { order, .. } = asker else { return None };
+                if !ask.stops() {
+                    return None;
+                }
+                let (sequence, frame) = self.cable.ask(now, asker, ask, true, claims);
+                self.programs.get_mut(&id)?.kept(order)?.fate = Fate::Asked(sequence);
+                Some(frame)
+            }
+            Turn::Unanswered(ask) => {
+                let watches = !commands || ask.watches;
+                Some(self.cable.ask(now, Asker::Server, ask, watches, claims).1)
+            }
+        }
+    }
+
+    /// Of a subscription that the gateway would take, the union of all goes out in its place.
+    fn subscribe(&mut self, id: ProgramId, ask: &mut Ask) {
+        let Ok(Request::Subscribe(wanted)) = Request::decode(ask.number, &ask.body) else { return };
+        let (shortest, longest) = SUBSCRIPTION_PERIOD_US;
+        if !(shortest..=longest).contains(&wanted.period_us) || wanted.fields.check().is_err() {
+            return;
+        }
+        if let Some(program) = self.programs.get_mut(&id) {
+            program.subscription = (wanted.axes != 0).then_some(wanted);
+            program.inbox.sample_anew();
+        }
+        self.subscribed = self.union();
+        ask.body = body(&self.subscribed);
+    }
+
+    fn union(&self) -> Subscribe {
+        let all = self.programs.values().filter_map(|program| program.subscription);
+        all.reduce(|one, other| Subscribe {
+            axes: one.axes | other.axes,
+            fields: StateFields::from_bits(one.fields.bits() | other.fields.bits()),
+            period_us: one.period_us.min(other.period_us),
+        })
+        .unwrap_or_else(nothing)
+    }
+
+    /// The same bytes each time, so that one session begins.
+    fn hello(&mut self, now: Duration, said: Option<u16>) -> Option<Vec<u8>> {
+        let next = now + HELLO_EVERY;
+        self.state = State::Greeting { next, hello: said };
+        if let Some(again) = said.and_then(|sequence| self.cable.again(now, sequence)) {
+            return Some(again);
+        }
+        let session = u32::try_from(now.as_micros() & 0xFFFF_FFFF).unwrap_or(0) ^ 0x5EED_0000;
+        let hello =
+            Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session };
+        let (sequence, frame) = self.own(now, &hello, false);
+        self.state = State::Greeting { next, hello: Some(sequence) };
+        Some(frame)
+    }
+
+    /// What the server asks by itself, for nobody: as a watcher.
+    fn own_request(&mut self, now: Duration) -> Option<Vec<u8>> {
+        let union = self.union();
+        if union != self.subscribed {
+            self.subscribed = union;
+            return Some(self.own(now, &union, true).1);
+        }
+        if now < self.probed_at + PROBE_EVERY {
+            return None;
+        }
+        self.probed_at = now;
+        Some(self.own(now, &Ping {}, true).1)
+    }
+
+    fn own<C: Call>(&mut self, now: Duration, request: &C, watches: bool) -> (u16, Vec<u8>) {
+        let ask = Ask { sequence: 0, number: C::NUMBER, body: body(request), watches };
+        self.cable.ask(now, Asker::Server, ask, watches, self.claims)
+    }
+}
+
+fn body<C: Call>(request: &C) -> Vec<u8> {
+    let mut out = [0; host_protocol::MAX_BODY];
+    postcard::to_slice(request, &mut out).map(|body| body.to_vec()).unwrap_or_default()
+}
