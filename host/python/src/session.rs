@@ -1,31 +1,30 @@
 //! One session with one gateway.
 //!
 //! Nothing here sends by itself: what a program does not say again expires in the gateway, whatever
-//! becomes of the program. Every call waits without the interpreter's lock.
+//! becomes of the program. Every call waits without the interpreter's lock. Here is whose turn it is
+//! and what ends it; what a program may ask is in `session/methods.rs`.
 
-use std::ops::ControlFlow;
+mod methods;
+
 use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use host_protocol::{ClearTarget, MAX_CYCLE_AXES, StopTarget};
-use mgw_cli::programs::{self, Motors, Native};
-use mgw_client::{AxisSetpoint, Client, ClientError, Hold, Transport};
+use host_protocol::StopTarget;
+use mgw_cli::programs::Motors;
+use mgw_client::{Client, ClientError, Transport};
 use parking_lot::{Mutex, MutexGuard};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::carrier::{Carrier, LOOK_EVERY, Signals};
 use crate::json::to_python;
 use crate::problem::{Failed, found};
-use crate::values::{Period, Setpoint, State, fields};
 
 /// How long a wait for an event keeps the calls of other threads waiting.
 const TURN: Duration = Duration::from_millis(1);
-/// How long the end of a session waits for a call of another thread, which it has interrupted.
-const PATIENCE: Duration = Duration::from_secs(5);
 /// No thread.
 const NOBODY: u64 = 0;
 /// What a signal handler may ask for in the middle of a call; the greater goes before the less.
@@ -300,342 +299,6 @@ fn stop_all(client: &mut Inner, asked: u8) -> Result<(), ClientError> {
     if asked == ASKED_E_STOP { client.estop() } else { client.stop(StopTarget::All) }
 }
 
-#[pymethods]
-impl Session {
-    /// Whether it has been closed.
-    #[getter]
-    fn closed(&self) -> bool {
-        self.closed.load(Ordering::Acquire)
-    }
-
-    /// The process that opened it.
-    #[getter]
-    fn process(&self) -> u32 {
-        self.process
-    }
-
-    /// The transport's time, s.
-    fn now(&self, py: Python<'_>) -> PyResult<f64> {
-        self.run(py, |client| Ok(client.now().as_secs_f64()))
-    }
-
-    /// The best guess of the gateway's time, µs.
-    fn gateway_now_us(&self, py: Python<'_>) -> PyResult<u64> {
-        self.run(py, |client| Ok(client.gateway_now_us()))
-    }
-
-    /// Lets time pass; sends nothing.
-    fn pause(&self, py: Python<'_>, duration_s: f64) -> PyResult<()> {
-        self.await_one(py, duration_s, |client, left| client.pause(left).map(|()| None::<()>))?;
-        Ok(())
-    }
-
-    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.json(py, |client, _| {
-            let (status, stored) = (client.gateway_status()?, client.read_stored()?);
-            let image = client.image()?;
-            Ok(programs::info(client.hello(), &status, &stored, &image))
-        })
-    }
-
-    fn bus<'py>(&self, py: Python<'py>, bus: u8) -> PyResult<Bound<'py, PyAny>> {
-        self.json(py, |client, _| Ok(programs::bus(bus, &client.bus_status(bus)?)))
-    }
-
-    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.json(py, |client, _| Ok(client.list_axes()?.iter().map(programs::axis).collect()))
-    }
-
-    fn incidents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.json(py, |client, motors| {
-            let incidents = client.incidents()?;
-            Ok(incidents.iter().map(|incident| programs::incident(incident, motors)).collect())
-        })
-    }
-
-    fn losses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.json(py, |client, _| {
-            let losses = client.losses();
-            Ok(json!({
-                "damaged": losses.damaged, "late": losses.late,
-                "events_lost": losses.events_lost, "events_dropped": losses.events_dropped,
-                "unreadable": losses.unreadable,
-            }))
-        })
-    }
-
-    fn read_state<'py>(&self, py: Python<'py>, axis: u8) -> PyResult<Bound<'py, PyAny>> {
-        self.json(py, |client, motors| {
-            Ok(programs::state(&client.read_state_when_free(axis)?, motors))
-        })
-    }
-
-    /// Arms one axis, or several together. The epoch, and how long a setpoint may be valid, s.
-    fn arm(&self, py: Python<'_>, axes: Vec<u8>) -> PyResult<(u32, f64)> {
-        if axes.is_empty() || axes.len() > MAX_CYCLE_AXES {
-            let text = format!("arm takes 1 to {MAX_CYCLE_AXES} axes, not {}", axes.len());
-            return Err(PyValueError::new_err(text));
-        }
-        self.run(py, |client| {
-            let mut ttl = Duration::MAX;
-            for axis in &axes {
-                ttl = ttl.min(client.axis_ttl(*axis)?);
-            }
-            let epoch = match axes.as_slice() {
-                [axis] => client.arm(*axis)?.epoch,
-                axes => client.arm_together(axes)?,
-            };
-            Ok((epoch, ttl.as_secs_f64()))
-        })
-    }
-
-    fn set(&self, py: Python<'_>, epoch: u32, setpoint: &Setpoint, ttl_s: f64) -> PyResult<()> {
-        let (AxisSetpoint { axis, setpoint }, ttl) = (setpoint.0, seconds(ttl_s)?);
-        self.run(py, |client| Ok(client.set(axis, epoch, setpoint, ttl)?))
-    }
-
-    fn cycle(
-        &self,
-        py: Python<'_>,
-        epoch: u32,
-        setpoints: Vec<PyRef<'_, Setpoint>>,
-        names: Vec<String>,
-        ttl_s: f64,
-    ) -> PyResult<Vec<State>> {
-        let (fields, ttl) = (fields(&names)?, seconds(ttl_s)?);
-        let setpoints: Vec<AxisSetpoint> = setpoints.iter().map(|of| of.0).collect();
-        let states = self.run(py, |client| Ok(client.cycle(epoch, &setpoints, fields, ttl)?))?;
-        Ok(states.into_iter().map(State::new).collect())
-    }
-
-    /// Keeps setpoints in force for as long as this call takes.
-    fn hold(
-        &self,
-        py: Python<'_>,
-        epoch: u32,
-        setpoints: Vec<PyRef<'_, Setpoint>>,
-        ttl_s: f64,
-        duration_s: f64,
-    ) -> PyResult<()> {
-        let (ttl, duration) = (seconds(ttl_s)?, seconds(duration_s)?);
-        let hold = |of: &PyRef<'_, Setpoint>| {
-            let AxisSetpoint { axis, setpoint } = of.0;
-            Hold { axis, epoch, setpoint, ttl }
-        };
-        let holds: Vec<Hold> = setpoints.iter().map(hold).collect();
-        self.run(py, |client| {
-            let each_round = |client: &mut Inner| {
-                self.send_waiting(client);
-                Ok(ControlFlow::Continue(()))
-            };
-            Ok(client.hold_setpoints(&holds, duration, each_round)?)
-        })
-    }
-
-    fn move_relative(
-        &self,
-        py: Python<'_>,
-        epoch: u32,
-        axis: u8,
-        distance_rad: f32,
-        speed_limit_rad_s: f32,
-        ttl_s: f64,
-    ) -> PyResult<(f32, f32)> {
-        let ttl = seconds(ttl_s)?;
-        self.run(py, |client| {
-            let target = client.move_relative(axis, epoch, distance_rad, speed_limit_rad_s, ttl)?;
-            Ok((target.start_rad, target.target_rad))
-        })
-    }
-
-    fn run_cycle(
-        &self,
-        py: Python<'_>,
-        axes: Vec<u8>,
-        names: Vec<String>,
-        period_s: f64,
-    ) -> PyResult<()> {
-        let (fields, period) = (fields(&names)?, seconds(period_s)?);
-        self.run(py, |client| Ok(client.run_cycle(&axes, fields, period)?))
-    }
-
-    fn poll_cycle(&self, py: Python<'_>, timeout_s: f64) -> PyResult<Option<Period>> {
-        let message = self.await_one(py, timeout_s, Client::poll_cycle)?;
-        message.map(|message| Period::new(py, &message)).transpose()
-    }
-
-    fn subscribe(
-        &self,
-        py: Python<'_>,
-        axes: Vec<u8>,
-        names: Vec<String>,
-        period_s: f64,
-    ) -> PyResult<()> {
-        let (fields, period) = (fields(&names)?, seconds(period_s)?);
-        self.run(py, |client| Ok(client.subscribe(&axes, fields, period)?))
-    }
-
-    fn poll_event<'py>(
-        &self,
-        py: Python<'py>,
-        timeout_s: f64,
-    ) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let message = self.await_one(py, timeout_s, Client::poll_event)?;
-        let motors = self.motors.lock();
-        message.map(|message| to_python(py, &programs::event(&message, &motors))).transpose()
-    }
-
-    /// Stops every axis; it ends the call that another thread has under way.
-    fn stop_all(&self, py: Python<'_>) -> PyResult<()> {
-        self.stop_now(py, ASKED_STOP)
-    }
-
-    /// The emergency stop, likewise.
-    fn estop(&self, py: Python<'_>) -> PyResult<()> {
-        self.stop_now(py, ASKED_E_STOP)
-    }
-
-    /// Makes a configuration, the text of a file, that of the gateway: how many changes, and how
-    /// many motor timeouts were written.
-    fn configure(
-        &self,
-        py: Python<'_>,
-        path: Option<&str>,
-        text: &str,
-        merge: bool,
-    ) -> PyResult<(usize, usize)> {
-        let (done, motors) = self.run(py, |client| {
-            let done = programs::configure(client, path, text, merge)?;
-            Ok((done, Motors::new(&client.list_axes()?)))
-        })?;
-        *self.motors.lock() = motors;
-        Ok((done.changes, done.motor_timeouts_written))
-    }
-
-    fn configuration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let text = self.run(py, |client| Ok(programs::configuration(client)?))?;
-        let value: Value = toml::from_str(&text).map_err(|error| unreadable(&error))?;
-        to_python(py, &value)
-    }
-
-    /// A command of the motor's manual by name; what moves takes an epoch, and is valid for
-    /// `ttl_s`.
-    fn native<'py>(
-        &self,
-        py: Python<'py>,
-        axis: u8,
-        command: &str,
-        fields: Vec<(String, String)>,
-        epoch: u32,
-        ttl_s: f64,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let ttl = seconds(ttl_s)?;
-        self.json(py, |client, _| {
-            let native = Native::new(client, axis, command, fields)?;
-            Ok(native.send(client, epoch, ttl)?)
-        })
-    }
-
-    /// Ends an axis's permission to move, and the call of another thread that keeps it moving.
-    fn disarm(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run_when(py, true, |client| {
-            client.resume()?;
-            Ok(client.disarm(axis)?)
-        })
-    }
-
-    /// Stops one axis; the hold that another thread has under way sends it, and goes on with its
-    /// others.
-    fn stop_axis(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.check_process()?;
-        let looks = is_main_thread(py)?;
-        let stop = Arc::new(AxisStop { axis, outcome: Mutex::default() });
-        self.stops.lock().push(stop.clone());
-        let sent = py.detach(|| self.send(&stop, looks));
-        self.stops.lock().retain(|of| !Arc::ptr_eq(of, &stop));
-        Ok(sent?)
-    }
-
-    fn clear(&self, py: Python<'_>, axis: Option<u8>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.clear(clear_target(axis))?))
-    }
-
-    fn clear_unreachable(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.clear_unreachable(axis)?))
-    }
-
-    fn clear_by_restart(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.clear_by_restart(axis)?))
-    }
-
-    fn output_off(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.output_off(axis)?))
-    }
-
-    fn take_authority(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.take_authority()?))
-    }
-
-    fn release_authority(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.release_authority()?))
-    }
-
-    fn save_configuration(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.save_configuration()?))
-    }
-
-    fn forget_stored(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.forget_stored()?))
-    }
-
-    fn keep_subscription(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.keep_subscription()?))
-    }
-
-    fn unsubscribe(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.unsubscribe()?))
-    }
-
-    fn ping(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.ping()?))
-    }
-
-    fn reconnect(&self, py: Python<'_>) -> PyResult<()> {
-        self.run(py, |client| Ok(client.reconnect()?))
-    }
-
-    /// Stops what was armed here, lets others command, and ends the connection. The call that
-    /// another thread has under way ends.
-    fn close(&self, py: Python<'_>) -> PyResult<()> {
-        if self.process != process::id() {
-            return Ok(());
-        }
-        self.closed.store(true, Ordering::Release);
-        self.signals.interrupt.raise();
-        if self.owner.load(Ordering::Acquire) == this_thread() {
-            // In a signal handler: the call under way stops what is armed when this returns.
-            return Ok(());
-        }
-        let ended = py.detach(|| {
-            let Some(mut client) = self.client.try_lock_for(PATIENCE) else {
-                let text = "another thread is in the middle of a call, and did not end it; what it \
-                    does not say again the gateway stops";
-                return Err(found("Busy", text));
-            };
-            let Some(mut inner) = client.take() else { return Ok(()) };
-            inner.transport_mut().begin(false);
-            // Whoever was stopped in mid-call has been; this stops each axis that still is armed.
-            let stopped = inner.stop_armed().and_then(|()| inner.resume());
-            if stopped.is_ok() {
-                // Refused where another host is in command, and that is well.
-                let _ = inner.release_authority();
-            }
-            Ok(stopped?)
-        });
-        Ok(ended?)
-    }
-}
-
 impl Drop for Session {
     fn drop(&mut self) {
         let Some(mut client) = self.client.get_mut().take() else { return };
@@ -653,14 +316,6 @@ impl Drop for Session {
 
 fn closed() -> Failed {
     found("Closed", "this session is closed; connect again")
-}
-
-fn unreadable(error: &toml::de::Error) -> Failed {
-    found("Configuration", &error.to_string())
-}
-
-fn clear_target(axis: Option<u8>) -> ClearTarget {
-    axis.map_or(ClearTarget::Gateway, ClearTarget::Axis)
 }
 
 /// A time from a program, s.
