@@ -121,8 +121,8 @@ class Axis:
     return_mode: Optional[int] = None
     #: RMD: the version of the protocol that the motor speaks: 0 unknown, 1 v3_6, 2 v3_7 (and 3.8),
     #: 3 v3_9 (to 4.1), 4 v4_2, 5 v4_3, 6 v4_4. Native commands and impedance follow it; unknown
-    #: has what all versions have in common. 0 to 6. Default 1.
-    rmd_dialect: Optional[int] = None
+    #: has what all versions have in common. Default v3_6.
+    rmd_dialect: Optional[Literal["unknown", "v3_6", "v3_7", "v3_9", "v4_2", "v4_3", "v4_4"]] = None
     #: The largest fraction of the full signal in setpoints. 0.0 to 1.0.
     signal_limit: Optional[float] = None
     #: Up to this speed the motor counts as standing; at least one unit of its reading: 1 °/s of an
