@@ -291,7 +291,7 @@ impl Receiver {
         mem::forget(driver);
         let registers = T::registers();
         // Safety: the only ring of this line.
-        let ring = unsafe { Ring::start(memory, T::fill, &T::events().rounds) };
+        let ring = unsafe { Ring::start(memory, T::fill, T::remaining, &T::events().rounds) };
         registers.cr3().modify(|w| {
             w.set_eie(true);
             w.set_dmar(true);

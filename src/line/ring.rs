@@ -28,6 +28,8 @@ pub type Fill = unsafe fn(*mut [u8], TransferOptions) -> Transfer<'static>;
 pub struct Ring {
     transfer: Transfer<'static>,
     fill: Fill,
+    /// How many bytes of its round DMA has still to fill.
+    remaining: fn() -> u16,
     memory: NonNull<[u8]>,
     /// Rounds that DMA has completed, as its interrupt counts them.
     rounds: &'static AtomicU32,
@@ -36,19 +38,24 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// Starts to fill `memory`, a power of two of bytes; `rounds`: counted by the interrupt of the
-    /// stream.
+    /// Starts to fill `memory`, a power of two of bytes; `remaining`: of the round of the stream;
+    /// `rounds`: counted by its interrupt.
     ///
     /// # Safety
     ///
     /// One ring at a time of what is filled by `fill`.
-    pub unsafe fn start(memory: Buffer, fill: Fill, rounds: &'static AtomicU32) -> Self {
+    pub unsafe fn start(
+        memory: Buffer,
+        fill: Fill,
+        remaining: fn() -> u16,
+        rounds: &'static AtomicU32,
+    ) -> Self {
         let memory = memory.into_bytes();
         defmt::assert!(memory.len().is_power_of_two(), "a round that does not divide 2³²");
         let memory = NonNull::from(memory);
         // Safety: the caller's; nobody else has the memory.
         let transfer = unsafe { fill(memory.as_ptr(), options()) };
-        Self { transfer, fill, memory, rounds, taken: 0 }
+        Self { transfer, fill, remaining, memory, rounds, taken: 0 }
     }
 
     /// Sets the DMA stream up anew, as it may lock (ES0392, "DMA stream locked when transferring
@@ -60,7 +67,8 @@ impl Ring {
                 break;
             }
         }
-        (self.taken, _) = (0, self.rounds.swap(0, Ordering::Relaxed));
+        self.rounds.store(0, Ordering::Relaxed);
+        self.taken = 0;
         // Safety: the stream has been stopped, and the transfer before is forgotten: its end would
         // wait for a stream that hangs.
         let transfer = unsafe { (self.fill)(self.memory.as_ptr(), options()) };
@@ -77,7 +85,7 @@ impl Ring {
         // In this order: a round that is completed between the two is not counted yet, and looks as
         // if less had come than was taken.
         let rounds = self.rounds.load(Ordering::Acquire);
-        let in_round = self.round().wrapping_sub(self.transfer.get_remaining_transfers());
+        let in_round = self.round().wrapping_sub(u32::from((self.remaining)()));
         let come = rounds.wrapping_mul(self.round()).wrapping_add(in_round);
         let length = come.wrapping_sub(self.taken);
         if length > u32::MAX / 2 { 0 } else { length }
