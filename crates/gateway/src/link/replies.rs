@@ -1,5 +1,7 @@
 //! The last requests of a link and their results, kept as the bytes that were sent.
 
+use core::num::NonZeroU64;
+
 use heapless::Deque;
 use host_protocol::{EncodeError, Error, Filled, Frame, MAX_FRAME, Reply, frame_message};
 use serde::de::Error as _;
@@ -44,28 +46,29 @@ enum State {
     Sent = 0,
 }
 
-/// What tells a request from another. The checksum covers header and body.
+/// What tells a request from another, in one word, as each is compared with all that are
+/// remembered: 1 and the bytes of the body, the sequence, and the checksum of header and body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Identity {
-    // First: they are compared in this order, and mostly it differs.
-    checksum: u32,
-    sequence: u16,
-    /// Bytes of the body; there are never more than a message holds.
-    length: u16,
-}
+pub struct Identity(NonZeroU64);
 
 impl Identity {
     /// That of a request's frame.
     pub fn of(frame: &Frame<'_>) -> Self {
-        let length = u16::try_from(frame.body.len()).unwrap_or(u16::MAX);
-        Self { sequence: frame.sequence, length, checksum: frame.checksum }
+        // A body has at most a few hundred.
+        let length = frame.body.len() as u64 + 1;
+        let rest = u64::from(frame.sequence) << 32 | u64::from(frame.checksum);
+        Self(NonZeroU64::new(length << 48 | rest).unwrap_or(NonZeroU64::MAX))
+    }
+
+    fn sequence(self) -> u16 {
+        let [_, _, high, low, ..] = self.0.get().to_be_bytes();
+        u16::from_be_bytes([high, low])
     }
 }
 
 #[derive(Clone)]
 struct Entry {
     state: State,
-    request: Option<Identity>,
     /// When the request came, counted in requests from 1.
     order: u32,
     /// Bytes of the reply.
@@ -76,22 +79,21 @@ struct Entry {
 /// The reply is as long as it is.
 impl Serialize for Entry {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let Self { state, request, order, length, reply } = self;
-        (state, request, order, Filled::of(reply, (*length).into())).serialize(to)
+        let Self { state, order, length, reply } = self;
+        (state, order, Filled::of(reply, (*length).into())).serialize(to)
     }
 }
 
 impl<'de> Deserialize<'de> for Entry {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let (state, request, order, sent): (_, _, _, Filled<'_>) = Deserialize::deserialize(from)?;
+        let (state, order, sent): (_, _, Filled<'_>) = Deserialize::deserialize(from)?;
         let length = u16::try_from(sent.0.len()).map_err(D::Error::custom)?;
-        Ok(Self { state, request, order, length, reply: sent.array()? })
+        Ok(Self { state, order, length, reply: sent.array()? })
     }
 }
 
 impl Entry {
-    const EMPTY: Self =
-        Self { state: State::Sent, request: None, order: 0, length: 0, reply: [0; MAX_FRAME] };
+    const EMPTY: Self = Self { state: State::Sent, order: 0, length: 0, reply: [0; MAX_FRAME] };
 
     /// So much of the reply is there. Every message of the table fits, as host-protocol asserts;
     /// there is nobody to tell otherwise.
@@ -104,8 +106,9 @@ impl Entry {
 #[derive(Clone, Deserialize)]
 pub struct Replies {
     entries: [Entry; WINDOW],
-    /// The last requests. While replies are owed their places are fewer than these.
-    recent: [Option<Identity>; WINDOW],
+    /// The requests of the entries, and behind them the last ones: while replies are owed, the place
+    /// of a sent one is given away before as many requests have come.
+    remembered: [Option<Identity>; 2 * WINDOW],
     /// Requests so far.
     requests: u32,
     /// The entries whose replies wait, in the order of their results.
@@ -116,7 +119,7 @@ impl Replies {
     pub const fn new() -> Self {
         Self {
             entries: [Entry::EMPTY; WINDOW],
-            recent: [None; WINDOW],
+            remembered: [None; 2 * WINDOW],
             requests: 0,
             waiting: Deque::new(),
         }
@@ -132,36 +135,32 @@ impl Replies {
 
     /// What comes behind them.
     pub fn rest(&self) -> impl Serialize {
-        (self.recent, self.requests, &self.waiting)
+        (self.remembered, self.requests, &self.waiting)
     }
 
     /// Whether this very request is remembered.
     pub fn contains(&self, request: Identity) -> bool {
-        let request = Some(request);
-        self.entries.iter().any(|entry| entry.request == request) || self.recent.contains(&request)
+        self.remembered.contains(&Some(request))
     }
 
     /// Forgets everything; results that are still to come will be dropped.
     pub fn clear(&mut self) {
         for entry in &mut self.entries {
-            (entry.state, entry.request, entry.length) = (State::Sent, None, 0);
+            (entry.state, entry.length) = (State::Sent, 0);
         }
-        self.recent = [None; WINDOW];
+        self.remembered = [None; 2 * WINDOW];
         self.waiting.clear();
     }
 
     /// Finds the request among the remembered ones, or a slot for it.
     pub fn reserve(&mut self, request: Identity) -> Reserved {
         let request = Some(request);
-        let mut entries = self.entries.iter().enumerate();
-        if let Some((index, entry)) = entries.find(|(_, entry)| entry.request == request) {
+        if let Some(at) = self.remembered.iter().position(|remembered| *remembered == request) {
+            let Some(entry) = self.entries.get(at) else { return Reserved::Forgotten };
             if entry.state == State::Sent {
-                self.queue(index, State::Waiting);
+                self.queue(at, State::Waiting);
             }
             return Reserved::Repeated;
-        }
-        if self.recent.contains(&request) {
-            return Reserved::Forgotten;
         }
         let now = self.requests.wrapping_add(1);
         // The oldest whose reply has been sent; what has never been given away is older.
@@ -173,12 +172,14 @@ impl Replies {
             }
         }
         let Some(entry) = self.entries.get_mut(index) else { return Reserved::Full };
-        (entry.state, entry.request, entry.order) = (State::Executing, request, now);
+        (entry.state, entry.order) = (State::Executing, now);
         // Nobody reads it any more, and a snapshot has room for it.
         entry.length = 0;
         self.requests = now;
-        if let Some(oldest) = self.recent.get_mut(now as usize % WINDOW) {
-            *oldest = request;
+        for place in [index, WINDOW + now as usize % WINDOW] {
+            if let Some(remembered) = self.remembered.get_mut(place) {
+                *remembered = request;
+            }
         }
         Reserved::Slot(Slot { index, order: now })
     }
@@ -195,10 +196,11 @@ impl Replies {
     /// Keeps the result of a request and queues it.
     pub fn store(&mut self, slot: Slot, result: Result<&Reply, Error>) {
         let Some(entry) = self.entries.get_mut(slot.index) else { return };
-        let Some(Identity { sequence, .. }) = entry.request else { return };
         if entry.order != slot.order || entry.state != State::Executing {
             return;
         }
+        let Some(Some(request)) = self.remembered.get(slot.index) else { return };
+        let sequence = request.sequence();
         let written = match result {
             Ok(reply) => reply.write_message(sequence, &mut entry.reply),
             Err(error) => error.write_message(sequence, &mut entry.reply),
