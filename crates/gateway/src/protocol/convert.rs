@@ -109,9 +109,13 @@ impl Scale {
         most: impl Into<i32>,
         config: &AxisConfig,
     ) -> Result<T, Error> {
-        let (most, count) = (self.to_si(most), self.within(value, limits));
+        let count = self.within(value, limits);
         let turned = if config.sign() < 0.0 { count.and_then(i32::checked_neg) } else { count };
-        fit(turned, quantity, value, (-most, most))
+        let range = || {
+            let most = self.to_si(most);
+            (-most, most)
+        };
+        fit(turned, quantity, value, range)
     }
 }
 
@@ -170,23 +174,27 @@ pub(super) fn position(
     let fastest = config.limit(AxisParameter::VelocityLimitRadS);
     let count = speed.within(speed_limit_rad_s, (0.0, own.min(fastest)));
     let count = count.filter(|count| *count > 0);
-    let least = speed.to_si(1);
-    let range = (least, speed.to_si(u16::MAX).min(fastest).max(least));
+    let range = || {
+        let least = speed.to_si(1);
+        (least, speed.to_si(u16::MAX).min(fastest).max(least))
+    };
     let limit: u16 = fit(count, Quantity::SpeedLimit, speed_limit_rad_s, range)?;
     let range = config.position_range();
     Ok((limit, angle.turned(Quantity::Position, position_rad, range, i32::MAX, config)?))
 }
 
 /// A wire count as the type the wire has, or the refusal that names the SI range that type can
-/// carry.
+/// carry, which is worked out only then.
 fn fit<T: TryFrom<i32>>(
     count: Option<i32>,
     quantity: Quantity,
     value: f32,
-    range: (f32, f32),
+    range: impl FnOnce() -> (f32, f32),
 ) -> Result<T, Error> {
-    let out_of_range = Error::OutOfRange { quantity, value, min: range.0, max: range.1 };
-    count.and_then(|count| T::try_from(count).ok()).ok_or(out_of_range)
+    count.and_then(|count| T::try_from(count).ok()).ok_or_else(|| {
+        let (min, max) = range();
+        Error::OutOfRange { quantity, value, min, max }
+    })
 }
 
 /// The word of `bits` bits, at most 16, for a value between the two ends of a range: the lower end

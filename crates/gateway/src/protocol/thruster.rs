@@ -277,11 +277,13 @@ fn in_si(setpoint: Setpoint, refusal: EncodeError, config: &AxisConfig) -> Error
             let slowest = RPM.to_si(slowest);
             let fastest = RPM.to_si(i32::try_from(fastest).unwrap_or(i32::MAX));
             let fastest = fastest.min(config.limit(AxisParameter::VelocityLimitRadS));
-            let bounds = match velocity_rad_s < 0.0 {
+            let bounds = if slowest > fastest {
                 // The axis may not be as fast as the slowest speed.
-                _ if slowest > fastest => (0.0, 0.0),
-                true => (-fastest, -slowest),
-                false => (slowest, fastest),
+                (0.0, 0.0)
+            } else if velocity_rad_s < 0.0 {
+                (-fastest, -slowest)
+            } else {
+                (slowest, fastest)
             };
             (Quantity::Velocity, velocity_rad_s, bounds)
         }
