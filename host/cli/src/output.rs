@@ -80,6 +80,11 @@ impl Output {
         self.either(line, &json::line(name, fields))
     }
 
+    /// Prints the event of something that goes on where nobody reads this.
+    pub fn progress(self, name: &str, line: impl AsRef<str>, fields: Value) {
+        let _ = self.event(name, line, fields);
+    }
+
     /// Tells people something that is not what they asked for: it goes to standard error.
     pub fn aside(self, line: impl AsRef<str>) {
         if self.form == Form::Text {

@@ -36,8 +36,7 @@ pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure>
     let followed = session.client.subscribe(&axes, fields, period).map_err(Failure::from);
     let followed = followed.and_then(|()| {
         let file = arguments.file.display().to_string();
-        // It goes on where nobody reads this.
-        let _ = session.out.event(
+        session.out.progress(
             "recording",
             format!("recording into {file}; Ctrl-C ends it"),
             json!({ "file": file }),

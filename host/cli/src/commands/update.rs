@@ -128,8 +128,7 @@ fn check_signature(
         let text = format!("{text} (docs/update.md)");
         Err(Failure::Explained { error: Error::ImageNotSigned {}, text })
     };
-    // The update goes on where nobody reads this.
-    let tell = |name, text| drop(session.out.event(name, text, json!({})));
+    let tell = |name, text| session.out.progress(name, text, json!({}));
     let header = &image.header;
     match signature {
         None if runs.needs_signature => {
@@ -219,8 +218,7 @@ fn send(session: &mut Session, image: &ImageFile, allow_older: bool) -> Result<(
         let written = offset as usize + part.len();
         if written * PARTS / length > told {
             told = written * PARTS / length;
-            // The update goes on where nobody reads this.
-            let _ = out.event(
+            out.progress(
                 "written",
                 format!("written   {written} of {length} bytes"),
                 json!({ "bytes": written, "of_bytes": length }),
@@ -296,7 +294,7 @@ fn start_anew(session: &mut Session, signature: &[u8]) -> Result<bool, Failure> 
                 Ok(()) | Err(ClientError::Gateway(Error::Restarting {})) => {
                     (is_taken, end) = (true, client.now() + AWAY);
                     let text = "checked   it starts anew, which takes about 15 s";
-                    let _ = out.event("restarting", text, json!({}));
+                    out.progress("restarting", text, json!({}));
                 }
                 // A repeated request may come after the start, which is told below.
                 Err(ClientError::Gateway(Error::ImageOnTrial {})) => {}
