@@ -102,6 +102,8 @@ impl<W: SharedWorld> Transport for SimTransport<W> {
     }
 }
 
+/// Rounded up: a wait that is not over must let time pass.
 fn micros(duration: Duration) -> gateway::Duration {
-    gateway::Duration::from_micros(u64::try_from(duration.as_micros()).unwrap_or(u64::MAX))
+    let micros = duration.as_nanos().div_ceil(1_000);
+    gateway::Duration::from_micros(u64::try_from(micros).unwrap_or(u64::MAX))
 }

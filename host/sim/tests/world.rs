@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use four_motors::Rig;
 use host_protocol::{BusState, CanFrame, RawFrame};
-use mgw_client::Client;
+use mgw_client::{Client, Transport};
 use mgw_sim::{BusFault, Injection, MotorEvent, SimTransport, Station, TraceEntry, Wiring, World};
 
 fn lines(trace: &[TraceEntry]) -> Vec<String> {
@@ -55,6 +55,16 @@ fn threads_may_share_a_world() {
     let ends = ends.map(|thread| thread.join().unwrap());
     let now = Duration::from_micros(world.lock().unwrap().now().as_micros());
     assert!(ends.iter().all(|end| *end <= now) && ends.contains(&now), "{ends:?} {now:?}");
+}
+
+/// It was no whole number of microseconds to the end: who waits in a loop gets there.
+#[test]
+fn a_wait_of_less_than_a_microsecond_passes() {
+    let world = Arc::new(Mutex::new(World::new(Wiring::four_motors())));
+    let mut transport = SimTransport::new(world, 0);
+    let end = transport.now() + Duration::from_nanos(1);
+    assert_eq!(transport.receive(&mut [0], Duration::from_nanos(1)).unwrap(), 0);
+    assert!(transport.now() >= end);
 }
 
 #[test]
