@@ -27,6 +27,8 @@ use crate::problem::{Failed, found};
 const TURN: Duration = Duration::from_millis(1);
 /// No thread.
 const NOBODY: u64 = 0;
+/// No turn.
+const NO_TURN: u64 = 0;
 /// What a signal handler may ask for in the middle of a call; the greater goes before the less.
 const ASKED_NOTHING: u8 = 0;
 const ASKED_STOP: u8 = 1;
@@ -46,6 +48,11 @@ pub struct Session {
     owner: AtomicU64,
     /// That call may last: a stop does not wait for it.
     lasts: AtomicBool,
+    /// It is a hold.
+    holds: AtomicBool,
+    /// The number that a program has given what it does now, and that of what is to hold no more.
+    turn: AtomicU64,
+    ended_turn: AtomicU64,
     closed: AtomicBool,
     /// What a signal handler has asked for in the call under way.
     asked: AtomicU8,
@@ -82,6 +89,9 @@ impl Session {
             process: process::id(),
             owner: AtomicU64::new(NOBODY),
             lasts: AtomicBool::new(false),
+            holds: AtomicBool::new(false),
+            turn: AtomicU64::new(NO_TURN),
+            ended_turn: AtomicU64::new(NO_TURN),
             closed: AtomicBool::new(false),
             asked: AtomicU8::new(ASKED_NOTHING),
             stops: Mutex::default(),

@@ -6,6 +6,7 @@ import asyncio
 import math
 import subprocess
 import sys
+import threading
 from typing import List
 
 import pytest
@@ -190,6 +191,47 @@ def test_a_task_that_is_cancelled_stops_its_motors(served: Simulator) -> None:
     with served.connect() as gateway:
         [state] = gateway.wait_until_stopped(0)
         assert (state.state, state.trip) == ("holding", None)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_hold_that_is_cancelled_stops_its_motors_and_a_wait_that_is_stops_none(
+    served: Simulator, late: bool
+) -> None:
+    begun = threading.Event()
+
+    async def program() -> None:
+        async with AsyncGateway(served.connect()) as gateway:
+            motors = await gateway.arm(0)
+
+            def hold(inner: Gateway) -> None:
+                begun.set()
+                if late:
+                    inner.pause(0.2)
+                motors.armed.hold([make_velocity(0, 2.0)], 3600.0)
+
+            await motors.set(make_velocity(0, 2.0))
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(gateway.call(lambda inner: inner.pause(0.2)), 0.1)
+            assert (await gateway.state(0)).state == "active"
+            holding = asyncio.create_task(gateway.call(hold))
+            while not begun.is_set():
+                await asyncio.sleep(0.01)
+            if not late:
+                await asyncio.sleep(0.1)
+            holding.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await holding
+            if late:
+                # What it did before goes on, and comes to no hold.
+                await gateway.call(lambda inner: inner.now())
+            state = await gateway.state(0)
+            assert state.state in ("stopping", "holding") and state.trip is None
+            # The session goes on.
+            await gateway.call(lambda inner: inner.wait_until_stopped(0))
+            async with await gateway.arm(0) as motors:
+                await motors.set(make_velocity(0, 2.0))
+
+    asyncio.run(asyncio.wait_for(program(), 60.0))
 
 
 def test_an_event_loop_that_hangs_keeps_nothing_in_motion(served: Simulator) -> None:

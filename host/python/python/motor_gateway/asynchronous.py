@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 from types import TracebackType
 from typing import (
     AsyncIterator,
@@ -29,14 +30,16 @@ _TURN = 0.005
 class AsyncGateway:
     """A :class:`Gateway` on a thread of its own, which takes calls in turn.
 
-    A future that is cancelled takes nothing back: what was asked for is done. The thread sends
-    nothing by itself: when the event loop hangs, setpoints expire and the gateway stops the motors.
+    A hold that is cancelled stops what is armed here, at once. Any other call that is cancelled
+    takes nothing back: what was asked for is done, and a setpoint expires. The thread sends nothing
+    by itself: when the event loop hangs, setpoints expire and the gateway stops the motors.
     """
 
     def __init__(self, gateway: Gateway) -> None:
         #: The session behind it.
         self.gateway = gateway
         self._thread = ThreadPoolExecutor(1, "motor_gateway")
+        self._numbers = count(1)
 
     @classmethod
     async def connect(cls, port: Optional[str] = None) -> AsyncGateway:
@@ -63,8 +66,27 @@ class AsyncGateway:
 
     async def call(self, act: Callable[[Gateway], R]) -> R:
         """Does what ``act`` does with the session, in its turn: every method of :class:`Gateway`
-        and :class:`Armed` is reached so."""
-        return await asyncio.get_running_loop().run_in_executor(self._thread, act, self.gateway)
+        and :class:`Armed` is reached so.
+
+        :raises StopUnansweredError: a hold was cancelled, and nothing answered its stop.
+        """
+        session, number = self.gateway._session, next(self._numbers)
+
+        def turn() -> R:
+            session.begin_turn(number)
+            try:
+                return act(self.gateway)
+            finally:
+                session.begin_turn(0)
+
+        future = self._thread.submit(turn)
+        try:
+            return await asyncio.wrap_future(future)
+        except asyncio.CancelledError:
+            # Without an await before it, as when a block is left.
+            if not future.cancel() and not self.gateway.closed:
+                session.end_holds(number)
+            raise
 
     async def arm(self, *axes: int) -> AsyncArmed:
         """As :meth:`Gateway.arm`."""

@@ -15,7 +15,8 @@ use pyo3::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    ASKED_E_STOP, ASKED_STOP, AxisStop, Inner, Session, is_main_thread, seconds, this_thread,
+    ASKED_E_STOP, ASKED_STOP, AxisStop, Inner, NO_TURN, Session, is_main_thread, seconds,
+    this_thread,
 };
 use crate::json::to_python;
 use crate::problem::{Failed, found};
@@ -152,7 +153,34 @@ impl Session {
                 self.send_waiting(client);
                 Ok(ControlFlow::Continue(()))
             };
-            Ok(client.hold_setpoints(&holds, duration, each_round)?)
+            // Said before it is looked whether it may: who ends it does so the other way round.
+            self.holds.store(true, Ordering::SeqCst);
+            let held = if self.may_hold() {
+                client.hold_setpoints(&holds, duration, each_round).map_err(Failed::from)
+            } else {
+                client.stop_armed().map_err(Failed::from).and(Err(Failed::Interrupted))
+            };
+            self.holds.store(false, Ordering::SeqCst);
+            held
+        })
+    }
+
+    /// What is asked for from now on is a turn of that number, 0 for none.
+    fn begin_turn(&self, turn: u64) {
+        self.turn.store(turn, Ordering::SeqCst);
+    }
+
+    /// Ends the hold that a turn has under way, with a stop of what is armed here, and every one
+    /// that it comes to; its other calls go on.
+    fn end_holds(&self, py: Python<'_>, turn: u64) -> PyResult<()> {
+        self.ended_turn.store(turn, Ordering::SeqCst);
+        if self.may_hold() || !self.holds.load(Ordering::SeqCst) {
+            return Ok(());
+        }
+        self.run_when(py, true, |client| {
+            // It may have ended by itself meanwhile.
+            client.stop_armed()?;
+            Ok(client.resume()?)
         })
     }
 
@@ -357,6 +385,13 @@ impl Session {
             Ok(stopped?)
         });
         Ok(ended?)
+    }
+}
+
+impl Session {
+    fn may_hold(&self) -> bool {
+        let turn = self.turn.load(Ordering::SeqCst);
+        turn == NO_TURN || turn != self.ended_turn.load(Ordering::SeqCst)
     }
 }
 
