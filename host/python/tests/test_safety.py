@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import os
 import signal
@@ -9,17 +10,21 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Callable, Iterator, List
+from contextlib import suppress
+from typing import Any, Callable, Dict, Iterator, List
 
 import pytest
 
 from motor_gateway import (
     FOUR_MOTORS,
+    AsyncArmed,
+    AsyncGateway,
     AxisState,
     ClosedError,
     Gateway,
     GatewayError,
     InterruptedCallError,
+    LinkError,
     Simulator,
     StopUnansweredError,
     make_velocity,
@@ -128,6 +133,38 @@ def test_a_stop_that_nothing_answers_is_told(simulator: Simulator) -> None:
     assert told.value.name == "StopUnanswered" and "Cut their power" in str(told.value)
     assert 2.9 < simulator.now() - begin < 3.2
     assert gateway.closed
+
+
+@pytest.mark.parametrize("block", ["gateway", "armed", "async gateway", "async armed"])
+def test_a_stop_that_nothing_answers_hides_no_mistake_of_the_program(
+    simulator: Simulator, block: str
+) -> None:
+    gateway = simulator.connect(FOUR_MOTORS)
+    motors = gateway.arm(0)
+    blocks: Dict[str, Any] = {
+        "gateway": gateway,
+        "armed": motors,
+        "async gateway": (both := AsyncGateway(gateway)),
+        "async armed": AsyncArmed(both, motors),
+    }
+
+    def mistake() -> None:
+        simulator.fault("power off")
+        raise RuntimeError("by mistake")
+
+    async def awaiting() -> None:
+        async with blocks[block]:
+            mistake()
+
+    with pytest.raises(LinkError) as told:
+        if block.startswith("async"):
+            asyncio.run(awaiting())
+        else:
+            with blocks[block]:
+                mistake()
+    assert isinstance(told.value.__context__, RuntimeError)
+    with suppress(StopUnansweredError):
+        gateway.close()
 
 
 @pytest.fixture

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Optional
+import sys
+from typing import Any, Dict, Optional, Type
 
 
 class MotorGatewayError(Exception):
@@ -67,7 +68,7 @@ class ConfigurationError(MotorGatewayError, ValueError):
 
 _LINK = ("NoAnswer", "Incompatible", "UnreadableReply", "BaudFailed", "LinksTaken", "NoConnection",
          "ConnectionLost", "Port")
-_CLASSES = {
+_CLASSES: Dict[str, Type[MotorGatewayError]] = {
     "StopUnanswered": StopUnansweredError,
     "Interrupted": InterruptedCallError,
     "Closed": ClosedError,
@@ -85,12 +86,21 @@ def make(
     name: str, message: str, number: Optional[int], fields: Optional[Dict[str, Any]]
 ) -> MotorGatewayError:
     """The exception for a failure: called by the part in Rust."""
+    kind = _kind(name, number, fields or {})
+    made = kind(message, name, number, fields)
+    # What Rust raises has no context of itself: a stop that nothing answers would hide why its
+    # block was left.
+    made.__context__ = sys.exc_info()[1]
+    return made
+
+
+def _kind(name: str, number: Optional[int], fields: Dict[str, Any]) -> Type[MotorGatewayError]:
     if number is not None:
-        return GatewayError(message, name, number, fields)
-    if fields and "field" in fields:
-        return UsageError(message, name, None, fields)
-    if fields and "findings" in fields:
-        return ConfigurationError(message, name, None, fields)
+        return GatewayError
+    if "field" in fields:
+        return UsageError
+    if "findings" in fields:
+        return ConfigurationError
     if name in _LINK:
-        return LinkError(message, name, None, fields)
-    return _CLASSES.get(name, MotorGatewayError)(message, name, None, fields)
+        return LinkError
+    return _CLASSES.get(name, MotorGatewayError)
