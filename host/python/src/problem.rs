@@ -38,6 +38,21 @@ impl From<PyErr> for Failed {
     }
 }
 
+/// Why a stop was not taken. Over a connection that is lost it was not even sent: to a program that
+/// is a stop that nothing answers.
+pub fn of_stop(error: ClientError) -> Failed {
+    match error {
+        ClientError::Transport(_) | ClientError::LinksTaken => {
+            let text = format!(
+                "the stop could not be sent: {error}. The gateway stops the motors when it no \
+                    longer hears this program. Cut their power if they turn"
+            );
+            found("StopUnanswered", &text)
+        }
+        error => error.into(),
+    }
+}
+
 /// A failure found by the binding itself.
 pub fn found(name: &'static str, message: &str) -> Failed {
     let (message, fields) = (message.to_owned(), serde_json::Value::Null);

@@ -21,7 +21,7 @@ use serde_json::Value;
 
 use crate::carrier::{Carrier, LOOK_EVERY, Signals};
 use crate::json::to_python;
-use crate::problem::{Failed, found};
+use crate::problem::{Failed, found, of_stop};
 
 /// How long a wait for an event keeps the calls of other threads waiting.
 const TURN: Duration = Duration::from_millis(1);
@@ -190,7 +190,7 @@ impl Session {
         // Until here: a signal handler that comes meanwhile must not wait for this call.
         self.owner.store(NOBODY, Ordering::Release);
         self.lasts.store(false, Ordering::Release);
-        stopped?;
+        stopped.map_err(of_stop)?;
         raised.map_or(result, |error| Err(Failed::Raised(error)))
     }
 
@@ -242,11 +242,12 @@ impl Session {
         loop {
             let client = self.client.try_lock_for(LOOK_EVERY);
             if let Some(outcome) = stop.outcome.lock().take() {
-                return Ok(outcome?);
+                return outcome.map_err(of_stop);
             }
             if let Some(mut client) = client {
                 let target = StopTarget::Axis(stop.axis);
-                return self.done(&mut client, looks, true, |client| Ok(client.stop(target)?));
+                return self
+                    .done(&mut client, looks, true, |client| client.stop(target).map_err(of_stop));
             }
             if looks {
                 Python::attach(|py| py.check_signals())?;
@@ -277,7 +278,7 @@ impl Session {
             self.signals.interrupt.raise();
             return Ok(());
         }
-        self.run_when(py, true, |client| Ok(stop_all(client, asked)?))
+        self.run_when(py, true, |client| stop_all(client, asked).map_err(of_stop))
     }
 
     fn check_process(&self) -> PyResult<()> {

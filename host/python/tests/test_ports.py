@@ -7,11 +7,18 @@ import select
 import socket
 import threading
 from pathlib import Path
-from typing import Iterator
+from typing import Callable, Iterator, List
 
 import pytest
 
-from motor_gateway import LinkError, Simulator, UsageError, connect, make_velocity
+from motor_gateway import (
+    LinkError,
+    Simulator,
+    StopUnansweredError,
+    UsageError,
+    connect,
+    make_velocity,
+)
 
 
 def relay(near: int, far: socket.socket) -> None:
@@ -101,6 +108,27 @@ def test_what_leads_nowhere_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> 
         with pytest.raises(LinkError) as told:
             connect(f"tcp:127.0.0.1:{deaf.getsockname()[1]}")
         assert told.value.name == "NoAnswer"
+
+
+def test_a_stop_over_a_lost_connection_is_one_that_nothing_answers(served: Simulator) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener, to(served) as far:
+        gateways = []
+        port = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
+        opening = threading.Thread(target=lambda: gateways.append(connect(port)))
+        opening.start()
+        near, _ = listener.accept()
+        threading.Thread(target=relay, args=(near.fileno(), far), daemon=True).start()
+        opening.join()
+        [gateway] = gateways
+        gateway.arm(0).set(make_velocity(0, 1.0))
+    near.shutdown(socket.SHUT_RDWR)
+    with pytest.raises(LinkError):
+        gateway.axes()
+    stops: List[Callable[[], None]] = [lambda: gateway.stop(0), gateway.stop, gateway.close]
+    for stop in stops:
+        with pytest.raises(StopUnansweredError, match="could not be sent.*Cut their power"):
+            stop()
+    near.close()
 
 
 def test_a_gateway_that_is_lost_is_told(served: Simulator) -> None:

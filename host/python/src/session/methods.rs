@@ -19,7 +19,7 @@ use super::{
     this_thread,
 };
 use crate::json::to_python;
-use crate::problem::{Failed, found};
+use crate::problem::{Failed, found, of_stop};
 use crate::values::{Period, Setpoint, State, fields};
 
 /// How long the end of a session waits for a call of another thread, which it has interrupted.
@@ -158,7 +158,7 @@ impl Session {
             let held = if self.may_hold() {
                 client.hold_setpoints(&holds, duration, each_round).map_err(Failed::from)
             } else {
-                client.stop_armed().map_err(Failed::from).and(Err(Failed::Interrupted))
+                client.stop_armed().map_err(of_stop).and(Err(Failed::Interrupted))
             };
             self.holds.store(false, Ordering::SeqCst);
             held
@@ -179,8 +179,7 @@ impl Session {
         }
         self.run_when(py, true, |client| {
             // It may have ended by itself meanwhile.
-            client.stop_armed()?;
-            Ok(client.resume()?)
+            client.stop_armed().and_then(|()| client.resume()).map_err(of_stop)
         })
     }
 
@@ -382,7 +381,7 @@ impl Session {
                 // Refused where another host is in command, and that is well.
                 let _ = inner.release_authority();
             }
-            Ok(stopped?)
+            stopped.map_err(of_stop)
         });
         Ok(ended?)
     }
