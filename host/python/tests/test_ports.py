@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import select
 import socket
@@ -12,6 +13,7 @@ from typing import Callable, Iterator, List
 import pytest
 
 from motor_gateway import (
+    FOUR_MOTORS,
     LinkError,
     Simulator,
     StopUnansweredError,
@@ -54,6 +56,12 @@ def test_tcp_and_the_variable(served: Simulator, monkeypatch: pytest.MonkeyPatch
     turn(served.port)
     monkeypatch.setenv("MGW_PORT", served.port)
     with connect() as gateway:
+        assert gateway.info()["board"] == "simulated"
+
+
+def test_a_session_keeps_its_simulation() -> None:
+    with Simulator(real_time=True).connect(FOUR_MOTORS) as gateway:
+        gc.collect()
         assert gateway.info()["board"] == "simulated"
 
 

@@ -81,8 +81,10 @@ class Gateway:
     has expired. Any thread may call; one call is under way at a time.
     """
 
-    def __init__(self, session: _native.Session) -> None:
+    def __init__(self, session: _native.Session, behind: object = None) -> None:
         self._session = session
+        # A simulation ends with the last that knows it.
+        self._behind = behind
         self._events: Deque[Event] = deque(maxlen=_KEPT)
         self._samples: Deque[Sample] = deque(maxlen=_KEPT)
         _open.add(self)

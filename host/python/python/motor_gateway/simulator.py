@@ -48,7 +48,7 @@ class Simulator:
 
     def connect(self, configuration: Optional[ConfigurationLike] = None) -> Gateway:
         """A session with it, which makes ``configuration`` that of the gateway if there is one."""
-        gateway = Gateway(self._native.connect())
+        gateway = Gateway(self._native.connect(), self)
         try:
             if configuration is not None:
                 gateway.configure(configuration)
