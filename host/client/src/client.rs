@@ -36,6 +36,9 @@ pub const KEEP_ALIVE_AFTER: Duration = Duration::from_millis(80);
 /// By how much the latest expiry stays below what the gateway takes.
 pub(crate) const EXPIRY_MARGIN: Duration = Duration::from_millis(1);
 
+/// Longer than any axis takes, with room to the half range of the wire.
+const LONGEST_TTL: Duration = Duration::from_secs(1_000);
+
 /// A setpoint's expiry is never derived from a measure of the clock older than this: a ping comes
 /// first.
 pub const CLOCK_VALID_FOR: Duration = Duration::from_millis(500);
@@ -412,8 +415,7 @@ impl<T: Transport> Client<T> {
     /// valid for `ttl` from when it is sent. However wrong the guess, the gateway takes
     /// none that is valid for longer than the axis's TTL from when it arrives.
     pub fn expiry(&self, ttl: Duration) -> u32 {
-        let ttl = u64::try_from(ttl.as_micros()).unwrap_or(u64::MAX);
-        low_bits(self.gateway_now_us().wrapping_add(ttl))
+        expiry_after(self.gateway_now_us(), ttl)
     }
 
     /// The latest expiry that the gateway may take: valid for `ttl` from when it arrives, if it
@@ -421,8 +423,7 @@ impl<T: Transport> Client<T> {
     /// to come back, and the next request to arrive, before it expires.
     pub(crate) fn latest_expiry(&self, ttl: Duration) -> u32 {
         let latest = self.clock.latest_us(self.transport.now()).unwrap_or(0);
-        let ttl = u64::try_from(ttl.saturating_sub(EXPIRY_MARGIN).as_micros()).unwrap_or(u64::MAX);
-        low_bits(latest.wrapping_add(ttl))
+        expiry_after(latest, ttl.saturating_sub(EXPIRY_MARGIN))
     }
 
     /// What was lost or ignored on the way here.
@@ -495,8 +496,11 @@ fn name_refusal(error: ClientError) -> ClientError {
     }
 }
 
-/// Times on the wire are the low 32 bits of the µs, compared in half range.
+/// Times on the wire are the low 32 bits of the µs, compared in half range: a `ttl` beyond that
+/// would expire at once, or soon. It is cut to what is still too long for the gateway, which then
+/// names the limit.
 #[allow(clippy::cast_possible_truncation)]
-fn low_bits(time_us: u64) -> u32 {
-    time_us as u32
+fn expiry_after(now_us: u64, ttl: Duration) -> u32 {
+    let ttl_us = u64::try_from(ttl.min(LONGEST_TTL).as_micros()).unwrap_or(u64::MAX);
+    now_us.wrapping_add(ttl_us) as u32
 }

@@ -8,7 +8,7 @@ use crate::line::{
 };
 use host_protocol::replies::Done;
 use host_protocol::requests::{EStop, Stop};
-use host_protocol::{Error, Event, PROTOCOL_MAJOR, Reply, Request, Setpoint, StopTarget};
+use host_protocol::{Bytes, Error, Event, PROTOCOL_MAJOR, Reply, Request, Setpoint, StopTarget};
 use mgw_client::{Client, ClientError, DEADLINE, HELLO_DEADLINE, KEEP_ALIVE_AFTER, REPEAT_AFTER};
 
 /// Hello of version 1.0 with session 0x12345678, sequence 0.
@@ -256,6 +256,26 @@ fn a_setpoint_never_expires_beyond_its_time_to_live() {
         line.0.borrow_mut().now += Duration::from_millis(30);
         client.keep_alive().unwrap();
     }
+}
+
+/// The gateway refuses it and names the limit; what wraps around would be taken for a short one.
+#[test]
+fn a_time_to_live_beyond_the_wire_stays_too_long() {
+    let (line, mut client) = connected(|heard| {
+        let expires_at_us = match &heard.request {
+            Request::Setpoint(setpoint) => setpoint.expires_at_us,
+            Request::Native(native) => native.expires_at_us,
+            _ => return healthy(heard),
+        };
+        let ahead = expires_at_us.wrapping_sub(u32::try_from(heard.time_us).unwrap());
+        assert!((60_000_001..1 << 31).contains(&ahead), "{ahead} µs");
+        healthy(heard)
+    });
+    for ttl in [Duration::from_micros((1 << 32) + 100_000), Duration::MAX] {
+        client.set(1, 7, Setpoint::Signal { fraction: 0.1 }, ttl).unwrap();
+        client.native(1, 7, Bytes::new(), ttl).unwrap();
+    }
+    assert_eq!(line.sent_after_opening().len(), 4);
 }
 
 #[test]
