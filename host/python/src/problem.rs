@@ -59,6 +59,11 @@ pub fn found(name: &'static str, message: &str) -> Failed {
     Failed::Problem(Problem { name, message, number: None, fields })
 }
 
+/// What was asked for makes no sense.
+pub fn usage(message: &str) -> PyErr {
+    found("Usage", message).into()
+}
+
 impl From<Failed> for PyErr {
     fn from(failed: Failed) -> Self {
         let problem = match failed {

@@ -15,13 +15,12 @@ use host_protocol::StopTarget;
 use mgw_cli::programs::Motors;
 use mgw_client::{Client, ClientError, Transport};
 use parking_lot::{Mutex, MutexGuard};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::Value;
 
 use crate::carrier::{Carrier, LOOK_EVERY, Signals};
 use crate::json::to_python;
-use crate::problem::{Failed, found, of_stop};
+use crate::problem::{Failed, found, of_stop, usage};
 
 /// How long a wait for an event keeps the calls of other threads waiting.
 const TURN: Duration = Duration::from_millis(1);
@@ -331,9 +330,8 @@ fn closed() -> Failed {
 
 /// A time from a program, s.
 pub fn seconds(value: f64) -> PyResult<Duration> {
-    Duration::try_from_secs_f64(value).map_err(|_| {
-        PyValueError::new_err(format!("a time is a number of seconds from 0 on, not {value}"))
-    })
+    Duration::try_from_secs_f64(value)
+        .map_err(|_| usage(&format!("a time is a number of seconds from 0 on, not {value}")))
 }
 
 fn this_thread() -> u64 {

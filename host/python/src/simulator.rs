@@ -13,11 +13,12 @@ use std::time::{Duration, Instant};
 use host_protocol::Protocol;
 use mgw_client::Transport;
 use mgw_sim::{BOARD, MotorWiring, Server, SharedWorld, SimTransport, Wiring, World, put_fault};
-use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
 use crate::json::to_python;
+use crate::problem::usage;
 use crate::session::{Session, seconds};
 
 /// Longest pause of a served world.
@@ -102,8 +103,7 @@ impl Simulation {
             Some(motors) => wired(motors)?,
         };
         wiring.seed = seed;
-        let world =
-            World::try_new(wiring).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let world = World::try_new(wiring).map_err(|error| usage(&error.to_string()))?;
         let time = if real_time { serve(world)? } else { share(world) };
         Ok(Self { time, process: process::id() })
     }
@@ -166,7 +166,7 @@ impl Simulation {
     /// Does what a line typed into `mgw sim` does, and returns that in words.
     fn fault(&self, py: Python<'_>, line: String) -> PyResult<String> {
         let done = self.with(py, move |world| put_fault(world, &line))?;
-        done.map_err(PyValueError::new_err)
+        done.map_err(|text| usage(&text))
     }
 
     /// What the motors do and have logged, without the gateway.
@@ -237,7 +237,7 @@ fn wired(motors: Vec<Wired>) -> PyResult<Wiring> {
         let known = Protocol::from_name(&protocol).ok_or_else(|| {
             let names: Vec<&str> = Protocol::ALL.iter().map(|known| known.name()).collect();
             let text = format!("`{protocol}` is no protocol; there are {}", names.join(", "));
-            PyValueError::new_err(text)
+            usage(&text)
         })?;
         wiring = wiring.with(bus, known, node);
         if let (Some(MotorWiring { bitrate: usual, .. }), Some(bitrate)) =

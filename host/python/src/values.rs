@@ -3,11 +3,11 @@
 use host_protocol::{AxisState, CycleMessage, CycleResult, CycleState, StateField, StateFields};
 use mgw_cli::programs;
 use mgw_client::AxisSetpoint;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::json::to_python;
+use crate::problem::usage;
 
 /// The names of the states of an axis, in the order of their numbers in records.
 pub const STATES: [&str; 8] =
@@ -33,7 +33,7 @@ pub fn fields(names: &[String]) -> PyResult<StateFields> {
         None => {
             let known: Vec<&str> = StateField::ALL.iter().map(|field| field.name()).collect();
             let text = format!("`{name}` is no field; there are {}", known.join(", "));
-            Err(PyValueError::new_err(text))
+            Err(usage(&text))
         }
     })
 }

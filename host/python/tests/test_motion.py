@@ -141,14 +141,18 @@ def test_events_tell_what_happened(gateway: Gateway) -> None:
 
 def test_times_and_names_that_make_no_sense_are_told(gateway: Gateway) -> None:
     with gateway.arm(0) as motors:
-        with pytest.raises(ValueError, match="seconds from 0 on, not -1"):
-            motors.set(make_velocity(0, 1.0), ttl=-1.0)
-        with pytest.raises(ValueError, match="`speed` is no field; there are position, velocity"):
+        for wrong, word in [(-1.0, "-1"), (math.nan, "NaN"), (math.inf, "inf")]:
+            with pytest.raises(UsageError, match=f"seconds from 0 on, not {word}"):
+                motors.set(make_velocity(0, 1.0), ttl=wrong)
+        with pytest.raises(GatewayError, match="allowed are 0 µs to 100000 µs") as too_long:
+            motors.set(make_velocity(0, 1.0), ttl=2**32 / 1e6 + 0.05)
+        assert too_long.value.name == "OutOfRange"
+        with pytest.raises(UsageError, match="`speed` is no field; there are position, velocity"):
             motors.cycle([make_velocity(0, 1.0)], fields=["speed"])
         with pytest.raises(UsageError) as refused:
             motors.cycle([make_velocity(0, 1.0), make_velocity(0, 2.0)])
         assert refused.value.name == "NamedTwice"
-    with pytest.raises(ValueError, match="1 to 16 axes, not 0"):
+    with pytest.raises(UsageError, match="1 to 16 axes, not 0"):
         gateway.arm()
 
 

@@ -69,7 +69,7 @@ class Simulator:
         """Puts a fault into it, or takes it out: what can be typed into ``mgw sim``.
 
         For example ``"motor 0 mute"``, ``"bus 0 cut"``, ``"e-stop press"``; ``"help"`` raises a
-        ValueError that lists them all.
+        UsageError that lists them all.
         """
         return self._native.fault(line)
 

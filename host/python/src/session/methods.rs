@@ -10,7 +10,6 @@ use host_protocol::{ClearTarget, MAX_CYCLE_AXES};
 use mgw_cli::programs::{self, Motors, Native};
 use mgw_client::{AxisSetpoint, Client, Hold};
 use parking_lot::Mutex;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
@@ -19,7 +18,7 @@ use super::{
     this_thread,
 };
 use crate::json::to_python;
-use crate::problem::{Failed, found, of_stop};
+use crate::problem::{Failed, found, of_stop, usage};
 use crate::values::{Period, Setpoint, State, fields};
 
 /// How long the end of a session waits for a call of another thread, which it has interrupted.
@@ -99,7 +98,7 @@ impl Session {
     fn arm(&self, py: Python<'_>, axes: Vec<u8>) -> PyResult<(u32, f64)> {
         if axes.is_empty() || axes.len() > MAX_CYCLE_AXES {
             let text = format!("arm takes 1 to {MAX_CYCLE_AXES} axes, not {}", axes.len());
-            return Err(PyValueError::new_err(text));
+            return Err(usage(&text));
         }
         self.run(py, |client| {
             let mut ttl = Duration::MAX;
