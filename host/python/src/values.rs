@@ -4,7 +4,7 @@ use host_protocol::{AxisState, CycleMessage, CycleResult, CycleState, StateField
 use mgw_cli::programs;
 use mgw_client::AxisSetpoint;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBool, PyBytes, PyDict};
 
 use crate::json::to_python;
 use crate::problem::usage;
@@ -23,6 +23,28 @@ fn state_number(state: AxisState) -> u8 {
         AxisState::Stopping => 5,
         AxisState::Tripped { .. } => 6,
         AxisState::Holding => 7,
+    }
+}
+
+/// The number of an axis.
+#[derive(Clone, Copy)]
+pub struct AxisNumber(pub u8);
+
+impl AxisNumber {
+    /// The requests for several axes have a bit for each.
+    const LAST: u8 = 31;
+}
+
+impl FromPyObject<'_, '_> for AxisNumber {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        // To Python, True is a 1.
+        let number = if object.is_instance_of::<PyBool>() { None } else { object.extract().ok() };
+        number.filter(|number| *number <= Self::LAST).map(Self).ok_or_else(|| {
+            let given = object.repr().map_or_else(|error| error.to_string(), |it| it.to_string());
+            usage(&format!("an axis is a number from 0 to {}, not {given}", Self::LAST))
+        })
     }
 }
 
@@ -264,8 +286,8 @@ macro_rules! setpoints {
         $(
             $(#[$doc])+
             #[pyfunction]
-            pub fn $name(axis: u8, $($argument: f32),+) -> Setpoint {
-                Setpoint(mgw_client::$name(axis, $($argument),+))
+            pub fn $name(axis: AxisNumber, $($argument: f32),+) -> Setpoint {
+                Setpoint(mgw_client::$name(axis.0, $($argument),+))
             }
         )+
     };

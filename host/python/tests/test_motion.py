@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, Callable, List
 
 import pytest
 
@@ -152,6 +153,16 @@ def test_times_and_names_that_make_no_sense_are_told(gateway: Gateway) -> None:
         with pytest.raises(UsageError) as refused:
             motors.cycle([make_velocity(0, 1.0), make_velocity(0, 2.0)])
         assert refused.value.name == "NamedTwice"
+    for number in (-1, 32, 256, 10**30, True, 1.0, "0", None):
+        acts: List[Callable[[Any], Any]] = [
+            gateway.state, gateway.arm, gateway.run_cycle, lambda axis: make_velocity(axis, 1.0),
+        ]
+        if number is not None:
+            acts += [gateway.stop, gateway.clear]
+        for act in acts:
+            with pytest.raises(UsageError, match="an axis is a number from 0 to 31, not ") as told:
+                act(number)
+            assert str(told.value).endswith(f"not {number!r}")
     with pytest.raises(UsageError, match="1 to 16 axes, not 0"):
         gateway.arm()
 

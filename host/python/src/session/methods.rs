@@ -19,7 +19,7 @@ use super::{
 };
 use crate::json::to_python;
 use crate::problem::{Failed, found, of_stop, usage};
-use crate::values::{Period, Setpoint, State, fields};
+use crate::values::{AxisNumber, Period, Setpoint, State, fields};
 
 /// How long the end of a session waits for a call of another thread, which it has interrupted.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -88,18 +88,19 @@ impl Session {
         })
     }
 
-    fn read_state<'py>(&self, py: Python<'py>, axis: u8) -> PyResult<Bound<'py, PyAny>> {
+    fn read_state<'py>(&self, py: Python<'py>, axis: AxisNumber) -> PyResult<Bound<'py, PyAny>> {
         self.json(py, |client, motors| {
-            Ok(programs::state(&client.read_state_when_free(axis)?, motors))
+            Ok(programs::state(&client.read_state_when_free(axis.0)?, motors))
         })
     }
 
     /// Arms one axis, or several together. The epoch, and how long a setpoint may be valid, s.
-    fn arm(&self, py: Python<'_>, axes: Vec<u8>) -> PyResult<(u32, f64)> {
+    fn arm(&self, py: Python<'_>, axes: Vec<AxisNumber>) -> PyResult<(u32, f64)> {
         if axes.is_empty() || axes.len() > MAX_CYCLE_AXES {
             let text = format!("arm takes 1 to {MAX_CYCLE_AXES} axes, not {}", axes.len());
             return Err(usage(&text));
         }
+        let axes = numbers(&axes);
         self.run(py, |client| {
             let mut ttl = Duration::MAX;
             for axis in &axes {
@@ -186,14 +187,15 @@ impl Session {
         &self,
         py: Python<'_>,
         epoch: u32,
-        axis: u8,
+        axis: AxisNumber,
         distance_rad: f32,
         speed_limit_rad_s: f32,
         ttl_s: f64,
     ) -> PyResult<(f32, f32)> {
         let ttl = seconds(ttl_s)?;
         self.run(py, |client| {
-            let target = client.move_relative(axis, epoch, distance_rad, speed_limit_rad_s, ttl)?;
+            let target =
+                client.move_relative(axis.0, epoch, distance_rad, speed_limit_rad_s, ttl)?;
             Ok((target.start_rad, target.target_rad))
         })
     }
@@ -201,12 +203,12 @@ impl Session {
     fn run_cycle(
         &self,
         py: Python<'_>,
-        axes: Vec<u8>,
+        axes: Vec<AxisNumber>,
         names: Vec<String>,
         period_s: f64,
     ) -> PyResult<()> {
         let (fields, period) = (fields(&names)?, seconds(period_s)?);
-        self.run(py, |client| Ok(client.run_cycle(&axes, fields, period)?))
+        self.run(py, |client| Ok(client.run_cycle(&numbers(&axes), fields, period)?))
     }
 
     fn poll_cycle(&self, py: Python<'_>, timeout_s: f64) -> PyResult<Option<Period>> {
@@ -217,12 +219,12 @@ impl Session {
     fn subscribe(
         &self,
         py: Python<'_>,
-        axes: Vec<u8>,
+        axes: Vec<AxisNumber>,
         names: Vec<String>,
         period_s: f64,
     ) -> PyResult<()> {
         let (fields, period) = (fields(&names)?, seconds(period_s)?);
-        self.run(py, |client| Ok(client.subscribe(&axes, fields, period)?))
+        self.run(py, |client| Ok(client.subscribe(&numbers(&axes), fields, period)?))
     }
 
     fn poll_event<'py>(
@@ -273,7 +275,7 @@ impl Session {
     fn native<'py>(
         &self,
         py: Python<'py>,
-        axis: u8,
+        axis: AxisNumber,
         command: &str,
         fields: Vec<(String, String)>,
         epoch: u32,
@@ -281,45 +283,45 @@ impl Session {
     ) -> PyResult<Bound<'py, PyAny>> {
         let ttl = seconds(ttl_s)?;
         self.json(py, |client, _| {
-            let native = Native::new(client, axis, command, fields)?;
+            let native = Native::new(client, axis.0, command, fields)?;
             Ok(native.send(client, epoch, ttl)?)
         })
     }
 
     /// Ends an axis's permission to move, and the call of another thread that keeps it moving.
-    fn disarm(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
+    fn disarm(&self, py: Python<'_>, axis: AxisNumber) -> PyResult<()> {
         self.run_when(py, true, |client| {
             client.resume()?;
-            Ok(client.disarm(axis)?)
+            Ok(client.disarm(axis.0)?)
         })
     }
 
     /// Stops one axis; the hold that another thread has under way sends it, and goes on with its
     /// others.
-    fn stop_axis(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
+    fn stop_axis(&self, py: Python<'_>, axis: AxisNumber) -> PyResult<()> {
         self.check_process()?;
         let looks = is_main_thread(py)?;
-        let stop = Arc::new(AxisStop { axis, outcome: Mutex::default() });
+        let stop = Arc::new(AxisStop { axis: axis.0, outcome: Mutex::default() });
         self.stops.lock().push(stop.clone());
         let sent = py.detach(|| self.send(&stop, looks));
         self.stops.lock().retain(|of| !Arc::ptr_eq(of, &stop));
         Ok(sent?)
     }
 
-    fn clear(&self, py: Python<'_>, axis: Option<u8>) -> PyResult<()> {
+    fn clear(&self, py: Python<'_>, axis: Option<AxisNumber>) -> PyResult<()> {
         self.run(py, |client| Ok(client.clear(clear_target(axis))?))
     }
 
-    fn clear_unreachable(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.clear_unreachable(axis)?))
+    fn clear_unreachable(&self, py: Python<'_>, axis: AxisNumber) -> PyResult<()> {
+        self.run(py, |client| Ok(client.clear_unreachable(axis.0)?))
     }
 
-    fn clear_by_restart(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.clear_by_restart(axis)?))
+    fn clear_by_restart(&self, py: Python<'_>, axis: AxisNumber) -> PyResult<()> {
+        self.run(py, |client| Ok(client.clear_by_restart(axis.0)?))
     }
 
-    fn output_off(&self, py: Python<'_>, axis: u8) -> PyResult<()> {
-        self.run(py, |client| Ok(client.output_off(axis)?))
+    fn output_off(&self, py: Python<'_>, axis: AxisNumber) -> PyResult<()> {
+        self.run(py, |client| Ok(client.output_off(axis.0)?))
     }
 
     fn take_authority(&self, py: Python<'_>) -> PyResult<()> {
@@ -397,6 +399,10 @@ fn unreadable(error: &toml::de::Error) -> Failed {
     found("Configuration", &error.to_string())
 }
 
-fn clear_target(axis: Option<u8>) -> ClearTarget {
-    axis.map_or(ClearTarget::Gateway, ClearTarget::Axis)
+fn numbers(axes: &[AxisNumber]) -> Vec<u8> {
+    axes.iter().map(|axis| axis.0).collect()
+}
+
+fn clear_target(axis: Option<AxisNumber>) -> ClearTarget {
+    axis.map_or(ClearTarget::Gateway, |axis| ClearTarget::Axis(axis.0))
 }
