@@ -31,20 +31,13 @@ pub fn to_send(frame: &CanFrame, marker: u8) -> [u32; FRAME_WORDS] {
     let remote = if frame.is_remote_frame() { REMOTE } else { 0 };
     // At most 8, so the fallback is never taken.
     let length = u32::try_from(frame.dlc()).unwrap_or(0);
-    let [low, high] = data_words(frame.data());
+    let [a, b, c, d, e, f, g, h] = frame.padded();
     [
         id | remote,
         u32::from(marker) << MARKER_SHIFT | STORE_EVENT | length << LENGTH_SHIFT,
-        low,
-        high,
+        u32::from_le_bytes([a, b, c, d]),
+        u32::from_le_bytes([e, f, g, h]),
     ]
-}
-
-fn data_words(data: &[u8]) -> [u32; 2] {
-    let mut bytes = [0; 8];
-    bytes.iter_mut().zip(data).for_each(|(byte, value)| *byte = *value);
-    let [a, b, c, d, e, f, g, h] = bytes;
-    [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]
 }
 
 /// A frame that was received. Never `None` for what a controller stores.

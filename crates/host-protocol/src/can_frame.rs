@@ -89,6 +89,12 @@ impl CanFrame {
         self.data.get(..usize::from(self.length)).unwrap_or_default()
     }
 
+    /// [`bytes`](Self::bytes), filled up with zeros.
+    #[must_use]
+    pub const fn padded(&self) -> [u8; MAX_CAN_DATA] {
+        self.data
+    }
+
     /// The id with its two flags as on the wire.
     #[must_use]
     pub fn flagged_id(&self) -> u32 {

@@ -19,17 +19,13 @@ impl<const AT: usize, const N: usize> Field<AT, N> {
 
     pub(crate) fn get(self, data: &[u8; DATA_LEN]) -> [u8; N] {
         let () = Self::FITS;
-        let mut bytes = [0; N];
-        for (byte, received) in bytes.iter_mut().zip(data.iter().skip(AT)) {
-            *byte = *received;
-        }
-        bytes
+        data.get(AT..).and_then(<[u8]>::first_chunk).copied().unwrap_or([0; N])
     }
 
     pub(crate) fn put(self, data: &mut [u8; DATA_LEN], bytes: [u8; N]) {
         let () = Self::FITS;
-        for (place, byte) in data.iter_mut().skip(AT).zip(bytes) {
-            *place = byte;
+        if let Some(place) = data.get_mut(AT..).and_then(<[u8]>::first_chunk_mut) {
+            *place = bytes;
         }
     }
 }
