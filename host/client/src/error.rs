@@ -90,10 +90,12 @@ impl fmt::Display for ClientError {
                 in_words(request),
                 after.as_millis()
             ),
-            Self::NamedTwice { axis } => write!(
-                f,
-                "axis {axis} is named twice, or is above 31: name each axis of a cycle once"
-            ),
+            Self::NamedTwice { axis: axis @ 32.. } => {
+                write!(f, "there is no axis {axis}: the axes of a request are 0 to 31")
+            }
+            Self::NamedTwice { axis } => {
+                write!(f, "axis {axis} is named twice: name each axis of a request once")
+            }
             Self::StopUnanswered { after } => write!(
                 f,
                 "the stop was sent, not confirmed: nothing answered within {} ms. The gateway may \
