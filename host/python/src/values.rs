@@ -32,6 +32,7 @@ pub struct AxisNumber(pub u8);
 
 impl AxisNumber {
     /// The requests for several axes have a bit for each.
+    pub const COUNT: usize = 32;
     const LAST: u8 = 31;
 }
 
@@ -42,22 +43,36 @@ impl FromPyObject<'_, '_> for AxisNumber {
         // To Python, True is a 1.
         let number = if object.is_instance_of::<PyBool>() { None } else { object.extract().ok() };
         number.filter(|number| *number <= Self::LAST).map(Self).ok_or_else(|| {
-            let given = object.repr().map_or_else(|error| error.to_string(), |it| it.to_string());
+            let given = shown(object);
             usage(&format!("an axis is a number from 0 to {}, not {given}", Self::LAST))
         })
     }
 }
 
+/// As Python writes it.
+fn shown(object: Borrowed<'_, '_, PyAny>) -> String {
+    object.repr().map_or_else(|error| error.to_string(), |text| text.to_string())
+}
+
 /// A set of fields by their names.
-pub fn fields(names: &[String]) -> PyResult<StateFields> {
-    names.iter().try_fold(StateFields::NONE, |set, name| match StateField::from_name(name) {
-        Some(field) => Ok(set.with(field)),
-        None => {
-            let known: Vec<&str> = StateField::ALL.iter().map(|field| field.name()).collect();
-            let text = format!("`{name}` is no field; there are {}", known.join(", "));
-            Err(usage(&text))
-        }
-    })
+pub struct Fields(pub StateFields);
+
+impl FromPyObject<'_, '_> for Fields {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        let names: Vec<String> = object.extract().map_err(|_| {
+            let given = shown(object);
+            usage(&format!("fields is a list of names such as ['position'], not {given}"))
+        })?;
+        let all = names.iter().try_fold(StateFields::NONE, |set, name| {
+            StateField::from_name(name).map(|field| set.with(field)).ok_or_else(|| {
+                let known: Vec<&str> = StateField::ALL.iter().map(|field| field.name()).collect();
+                usage(&format!("`{name}` is no field; there are {}", known.join(", ")))
+            })
+        });
+        all.map(Self)
+    }
 }
 
 /// What one axis shall do.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Callable, List
+from typing import Any, Callable, Dict, List
 
 import pytest
 
@@ -153,15 +153,45 @@ def test_times_and_names_that_make_no_sense_are_told(gateway: Gateway) -> None:
         with pytest.raises(UsageError) as refused:
             motors.cycle([make_velocity(0, 1.0), make_velocity(0, 2.0)])
         assert refused.value.name == "NamedTwice"
+        twice: List[Callable[[], Any]] = [
+            lambda: motors.hold([make_velocity(0, 1.0)] * 2, 0.1),
+            lambda: gateway.arm(0, 0),
+            lambda: gateway.run_cycle(0, 0),
+        ]
+        for act in twice:
+            with pytest.raises(UsageError, match="axis 0 is named twice: name each axis of a req"):
+                act()
+        for short, word in [(0, "0"), (1e-9, "0.000000001")]:
+            asked: List[Callable[[], Any]] = [
+                lambda: motors.set(make_velocity(0, 1.0), ttl=short),
+                lambda: motors.cycle([make_velocity(0, 1.0)], ttl=short),
+                lambda: motors.hold([make_velocity(0, 1.0)], 0.1, ttl=short),
+                lambda: motors.move(0, 1.0, 1.0, ttl=short),
+                lambda: motors.native(0, "torque_current", current_a=0.1, ttl=short),
+            ]
+            for act in asked:
+                with pytest.raises(UsageError, match=f"a ttl is 0.000001 s or more, not {word}"):
+                    act()
+        with pytest.raises(UsageError, match=r"a list of names such as \['position'\], not 'vel"):
+            motors.cycle([make_velocity(0, 1.0)], fields="velocity")
+        none: Dict[str, Callable[[], Any]] = {
+            "cycle takes 1 to 16 setpoints": lambda: motors.cycle([]),
+            "hold takes 1 to 32 setpoints": lambda: motors.hold([], 0.1),
+            "run_cycle takes 1 to 16 axes": gateway.run_cycle,
+            "subscribe takes 1 to 32 axes": gateway.subscribe,
+        }
+        for text, act in none.items():
+            with pytest.raises(UsageError, match=f"{text}, not 0"):
+                act()
     for number in (-1, 32, 256, 10**30, True, 1.0, "0", None):
         acts: List[Callable[[Any], Any]] = [
             gateway.state, gateway.arm, gateway.run_cycle, lambda axis: make_velocity(axis, 1.0),
         ]
         if number is not None:
             acts += [gateway.stop, gateway.clear]
-        for act in acts:
+        for refuse in acts:
             with pytest.raises(UsageError, match="an axis is a number from 0 to 31, not ") as told:
-                act(number)
+                refuse(number)
             assert str(told.value).endswith(f"not {number!r}")
     with pytest.raises(UsageError, match="1 to 16 axes, not 0"):
         gateway.arm()

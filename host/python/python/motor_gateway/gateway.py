@@ -466,7 +466,7 @@ class RunningCycle:
 
     def end(self) -> None:
         """Ends the cycle; the axes stay armed for as long as their setpoints hold."""
-        self._gateway._session.run_cycle((), (), self.period_s)
+        self._gateway._session.end_cycle()
 
 
 def _fields(values: Mapping[str, FieldValue]) -> List[Tuple[str, str]]:

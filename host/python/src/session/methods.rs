@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use host_protocol::{ClearTarget, MAX_CYCLE_AXES};
+use host_protocol::{ClearTarget, MAX_CYCLE_AXES, StateFields};
 use mgw_cli::programs::{self, Motors, Native};
-use mgw_client::{AxisSetpoint, Client, Hold};
+use mgw_client::{AxisSetpoint, Client, ClientError, Hold};
 use parking_lot::Mutex;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
@@ -19,8 +19,10 @@ use super::{
 };
 use crate::json::to_python;
 use crate::problem::{Failed, found, of_stop, usage};
-use crate::values::{AxisNumber, Period, Setpoint, State, fields};
+use crate::values::{AxisNumber, Fields, Period, Setpoint, State};
 
+/// Of a native command that moves nothing.
+const NO_EPOCH: u32 = 0;
 /// How long the end of a session waits for a call of another thread, which it has interrupted.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -96,10 +98,7 @@ impl Session {
 
     /// Arms one axis, or several together. The epoch, and how long a setpoint may be valid, s.
     fn arm(&self, py: Python<'_>, axes: Vec<AxisNumber>) -> PyResult<(u32, f64)> {
-        if axes.is_empty() || axes.len() > MAX_CYCLE_AXES {
-            let text = format!("arm takes 1 to {MAX_CYCLE_AXES} axes, not {}", axes.len());
-            return Err(usage(&text));
-        }
+        check_count("arm", MAX_CYCLE_AXES, "axes", axes.len())?;
         let axes = numbers(&axes);
         self.run(py, |client| {
             let mut ttl = Duration::MAX;
@@ -115,7 +114,7 @@ impl Session {
     }
 
     fn set(&self, py: Python<'_>, epoch: u32, setpoint: &Setpoint, ttl_s: f64) -> PyResult<()> {
-        let (AxisSetpoint { axis, setpoint }, ttl) = (setpoint.0, seconds(ttl_s)?);
+        let (AxisSetpoint { axis, setpoint }, ttl) = (setpoint.0, ttl(ttl_s)?);
         self.run(py, |client| Ok(client.set(axis, epoch, setpoint, ttl)?))
     }
 
@@ -124,12 +123,13 @@ impl Session {
         py: Python<'_>,
         epoch: u32,
         setpoints: Vec<PyRef<'_, Setpoint>>,
-        names: Vec<String>,
+        fields: Fields,
         ttl_s: f64,
     ) -> PyResult<Vec<State>> {
-        let (fields, ttl) = (fields(&names)?, seconds(ttl_s)?);
+        check_count("cycle", MAX_CYCLE_AXES, "setpoints", setpoints.len())?;
+        let ttl = ttl(ttl_s)?;
         let setpoints: Vec<AxisSetpoint> = setpoints.iter().map(|of| of.0).collect();
-        let states = self.run(py, |client| Ok(client.cycle(epoch, &setpoints, fields, ttl)?))?;
+        let states = self.run(py, |client| Ok(client.cycle(epoch, &setpoints, fields.0, ttl)?))?;
         Ok(states.into_iter().map(State::new).collect())
     }
 
@@ -142,12 +142,17 @@ impl Session {
         ttl_s: f64,
         duration_s: f64,
     ) -> PyResult<()> {
-        let (ttl, duration) = (seconds(ttl_s)?, seconds(duration_s)?);
+        check_count("hold", AxisNumber::COUNT, "setpoints", setpoints.len())?;
+        let (ttl, duration) = (ttl(ttl_s)?, seconds(duration_s)?);
         let hold = |of: &PyRef<'_, Setpoint>| {
             let AxisSetpoint { axis, setpoint } = of.0;
             Hold { axis, epoch, setpoint, ttl }
         };
         let holds: Vec<Hold> = setpoints.iter().map(hold).collect();
+        let twice = |held: &&Hold| holds.iter().filter(|of| of.axis == held.axis).count() > 1;
+        if let Some(Hold { axis, .. }) = holds.iter().find(twice) {
+            return Err(Failed::from(ClientError::NamedTwice { axis: *axis }).into());
+        }
         self.run(py, |client| {
             let each_round = |client: &mut Inner| {
                 self.send_waiting(client);
@@ -192,7 +197,7 @@ impl Session {
         speed_limit_rad_s: f32,
         ttl_s: f64,
     ) -> PyResult<(f32, f32)> {
-        let ttl = seconds(ttl_s)?;
+        let ttl = ttl(ttl_s)?;
         self.run(py, |client| {
             let target =
                 client.move_relative(axis.0, epoch, distance_rad, speed_limit_rad_s, ttl)?;
@@ -204,11 +209,18 @@ impl Session {
         &self,
         py: Python<'_>,
         axes: Vec<AxisNumber>,
-        names: Vec<String>,
+        fields: Fields,
         period_s: f64,
     ) -> PyResult<()> {
-        let (fields, period) = (fields(&names)?, seconds(period_s)?);
-        self.run(py, |client| Ok(client.run_cycle(&numbers(&axes), fields, period)?))
+        check_count("run_cycle", MAX_CYCLE_AXES, "axes", axes.len())?;
+        let period = seconds(period_s)?;
+        self.run(py, |client| Ok(client.run_cycle(&numbers(&axes), fields.0, period)?))
+    }
+
+    fn end_cycle(&self, py: Python<'_>) -> PyResult<()> {
+        // Of no axis; a period has to be one all the same.
+        const PERIOD: Duration = Duration::from_millis(1);
+        self.run(py, |client| Ok(client.run_cycle(&[], StateFields::NONE, PERIOD)?))
     }
 
     fn poll_cycle(&self, py: Python<'_>, timeout_s: f64) -> PyResult<Option<Period>> {
@@ -220,11 +232,12 @@ impl Session {
         &self,
         py: Python<'_>,
         axes: Vec<AxisNumber>,
-        names: Vec<String>,
+        fields: Fields,
         period_s: f64,
     ) -> PyResult<()> {
-        let (fields, period) = (fields(&names)?, seconds(period_s)?);
-        self.run(py, |client| Ok(client.subscribe(&numbers(&axes), fields, period)?))
+        check_count("subscribe", AxisNumber::COUNT, "axes", axes.len())?;
+        let period = seconds(period_s)?;
+        self.run(py, |client| Ok(client.subscribe(&numbers(&axes), fields.0, period)?))
     }
 
     fn poll_event<'py>(
@@ -281,7 +294,7 @@ impl Session {
         epoch: u32,
         ttl_s: f64,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let ttl = seconds(ttl_s)?;
+        let ttl = if epoch == NO_EPOCH { Duration::ZERO } else { ttl(ttl_s)? };
         self.json(py, |client, _| {
             let native = Native::new(client, axis.0, command, fields)?;
             Ok(native.send(client, epoch, ttl)?)
@@ -397,6 +410,24 @@ impl Session {
 
 fn unreadable(error: &toml::de::Error) -> Failed {
     found("Configuration", &error.to_string())
+}
+
+/// How long a setpoint is valid, from a program, s.
+fn ttl(value: f64) -> PyResult<Duration> {
+    const SHORTEST: Duration = Duration::from_micros(1);
+    let ttl = seconds(value)?;
+    if ttl < SHORTEST {
+        return Err(usage(&format!("a ttl is 0.000001 s or more, not {value}")));
+    }
+    Ok(ttl)
+}
+
+/// As many as a request takes.
+fn check_count(call: &str, most: usize, what: &str, count: usize) -> PyResult<()> {
+    if (1..=most).contains(&count) {
+        return Ok(());
+    }
+    Err(usage(&format!("{call} takes 1 to {most} {what}, not {count}")))
 }
 
 fn numbers(axes: &[AxisNumber]) -> Vec<u8> {
