@@ -295,14 +295,22 @@ pub fn period_records<'py>(
     PyBytes::new(py, &out)
 }
 
+fn check_finite(name: &str, value: f32) -> PyResult<()> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(usage(&format!("{name} is a finite number, not {value}")))
+}
+
 /// The functions that make setpoints, named as in the client library.
 macro_rules! setpoints {
     ($($(#[$doc:meta])+ $name:ident($($argument:ident),+);)+) => {
         $(
             $(#[$doc])+
             #[pyfunction]
-            pub fn $name(axis: AxisNumber, $($argument: f32),+) -> Setpoint {
-                Setpoint(mgw_client::$name(axis.0, $($argument),+))
+            pub fn $name(axis: AxisNumber, $($argument: f32),+) -> PyResult<Setpoint> {
+                $(check_finite(stringify!($argument), $argument)?;)+
+                Ok(Setpoint(mgw_client::$name(axis.0, $($argument),+)))
             }
         )+
     };

@@ -75,6 +75,20 @@ def test_every_kind_of_setpoint(gateway: Gateway) -> None:
         assert position is not None and position.value == pytest.approx(target, abs=0.02)
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e300])
+def test_a_setpoint_of_no_number_is_refused_when_it_is_made(wrong: float) -> None:
+    makes: Dict[str, Callable[[], Any]] = {
+        "fraction": lambda: make_signal(0, wrong),
+        "current_a": lambda: make_current(0, wrong),
+        "velocity_rad_s": lambda: make_velocity(0, wrong),
+        "speed_limit_rad_s": lambda: make_position(0, 0.0, wrong),
+        "torque_nm": lambda: make_impedance(0, 0.0, 0.0, 1.0, 1.0, wrong),
+    }
+    for name, make in makes.items():
+        with pytest.raises(UsageError, match=f"{name} is a finite number, not (NaN|-?inf)"):
+            make()
+
+
 def test_a_refusal_is_an_exception_with_the_gateways_name_number_and_fields(
     gateway: Gateway,
 ) -> None:
