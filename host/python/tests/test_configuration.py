@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -72,6 +74,11 @@ def test_everything_that_is_wrong_is_told_and_nothing_is_changed(
     assert gateway.configuration() == before
     with pytest.raises(UsageError):
         gateway.configure({"bus": object()})
+    for number in (math.nan, math.inf):
+        limit = {"axis": 0, "velocity_limit_rad_s": number}
+        text = f"configuration['axis'][0]['velocity_limit_rad_s'] is a finite number, not {number}"
+        with pytest.raises(UsageError, match=re.escape(text)):
+            gateway.configure({"axis": [limit]}, merge=True)
     file = tmp_path / "wrong.toml"
     file.write_text("[[bus]]\nbus = 0\nbitrate = 12\nprotocols = ['rmd']\n")
     with pytest.raises(ConfigurationError, match="wrong.toml: line 3, bus 0: "):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import math
 import os
 import sys
 import warnings
@@ -184,9 +185,11 @@ class Gateway:
                 configuration
             )
             try:
-                path, text = None, _native.toml_of(json.dumps(keys))
-            except TypeError as error:
+                text = json.dumps(keys)
+            except (TypeError, ValueError) as error:
                 raise UsageError(f"no configuration: {error}") from error
+            _check_finite("configuration", keys)
+            path, text = None, _native.toml_of(text)
         return Configured(*self._session.configure(path, text, merge))
 
     def configuration(self) -> Dict[str, Any]:
@@ -467,6 +470,18 @@ class RunningCycle:
     def end(self) -> None:
         """Ends the cycle; the axes stay armed for as long as their setpoints hold."""
         self._gateway._session.end_cycle()
+
+
+def _check_finite(name: str, value: object) -> None:
+    """JSON has no word for what is no finite number."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise UsageError(f"{name} is a finite number, not {value}")
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            _check_finite(f"{name}[{key!r}]", inner)
+    elif isinstance(value, (list, tuple)):
+        for place, inner in enumerate(value):
+            _check_finite(f"{name}[{place}]", inner)
 
 
 def _fields(values: Mapping[str, FieldValue]) -> List[Tuple[str, str]]:
