@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, Dict
 
 import pytest
 
@@ -92,6 +93,20 @@ def test_a_refusal_by_the_gateway_itself_has_its_number(gateway: Gateway) -> Non
         gateway.configure({"axis": [{"axis": 0, "ttl_us": 200_000}]}, merge=True)
     assert (refused.value.name, refused.value.number) == ("NotIdle", 29)
     assert refused.value.fields == {"axis": 0, "state": "armed", "stop_confirmed": None}
+
+
+def test_a_refusal_because_of_an_axis_that_holds_names_the_way_out(gateway: Gateway) -> None:
+    with gateway.arm(0) as motors:
+        motors.set(make_velocity(0, 1.0))
+    [state] = gateway.wait_until_stopped(0)
+    assert state.state == "holding"
+    node: Dict[str, Any] = {"axis": [{"axis": 0, "node": 2}]}
+    bitrate: Dict[str, Any] = {"bus": [{"bus": 0, "bitrate": 500_000}]}
+    for change in (node, bitrate):
+        with pytest.raises(GatewayError, match="switch its motor's output off"):
+            gateway.configure(change, merge=True)
+    gateway.output_off(0)
+    assert gateway.state(0).state == "idle"
 
 
 def test_the_dataclasses_are_made_of_the_gateways_tables() -> None:
