@@ -19,6 +19,7 @@ from motor_gateway import (
     Gateway,
     InterruptedCallError,
     LinkError,
+    MotorGatewayError,
     Sample,
     Simulator,
     as_array,
@@ -82,6 +83,23 @@ def test_a_cycle_that_is_not_told_of_is_told(gateway: Gateway) -> None:
     with pytest.raises(LinkError, match="no period"):
         for _ in zip(range(10_000), cycle):
             pass
+
+
+def test_a_cycle_that_a_trip_has_ended_tells_the_trip(gateway: Gateway) -> None:
+    gateway.arm(0).set(make_velocity(0, 2.0))
+    with gateway.run_cycle(2, 0, period_s=PERIOD_S) as cycle:
+        with pytest.raises(MotorGatewayError, match=r"axis 0 .* \(setpoint_expired\)") as told:
+            for _ in zip(range(10_000), cycle):
+                pass
+    assert (told.value.name, told.value.fields["axis"]) == ("Tripped", 0)
+
+    async def awaiting() -> None:
+        async with await AsyncGateway(gateway).run_cycle(0, period_s=PERIOD_S) as cycle:
+            async for _ in cycle:
+                pass
+
+    with pytest.raises(MotorGatewayError, match="axis 0 has tripped"):
+        asyncio.run(awaiting())
 
 
 def test_samples_and_events_come_apart(gateway: Gateway) -> None:

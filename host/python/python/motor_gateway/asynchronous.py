@@ -17,7 +17,6 @@ from typing import (
 )
 
 from ._native import AxisSetpoint, CyclePeriod, CycleState
-from .errors import LinkError
 from .gateway import FAST_FIELDS, Armed, Gateway, RunningCycle, Samples, connect
 from .readings import AxisState, Event, Sample
 
@@ -187,7 +186,7 @@ class AsyncRunningCycle:
             if period is not None:
                 yield period
             elif silent >= 1.0:
-                raise LinkError("no period of the cycle was told of within 1 s", "NoAnswer")
+                raise await self._gateway.call(lambda _: self._running._silence())
 
 
 class AsyncSamples:

@@ -295,10 +295,10 @@ class Gateway:
         self, *axes: int, fields: Sequence[str] = FAST_FIELDS, period_s: float = 0.001
     ) -> RunningCycle:
         """Has the gateway send the setpoints in force of these axes in a period of its own, 250 µs
-        to 20 ms, and tell of each: an iterator, and a context manager that ends it. Setpoints have
-        to be said again as ever."""
+        to 20 ms, and tell of each: an iterator, and a context manager that ends it. Setpoints
+        have to be said again as ever."""
         self._session.run_cycle(axes, fields, period_s)
-        return RunningCycle(self, period_s)
+        return RunningCycle(self, axes, period_s)
 
     def _take(self, timeout: float) -> bool:
         told = self._session.poll_event(timeout)
@@ -444,8 +444,9 @@ class Samples:
 class RunningCycle:
     """The periods of a free-running cycle. Ends it when its ``with`` block is left."""
 
-    def __init__(self, gateway: Gateway, period_s: float) -> None:
+    def __init__(self, gateway: Gateway, axes: Sequence[int], period_s: float) -> None:
         self._gateway = gateway
+        self._axes = tuple(axes)
         #: The period that was asked for.
         self.period_s = period_s
 
@@ -460,7 +461,7 @@ class RunningCycle:
         while True:
             period = self.next(timeout=1.0)
             if period is None:
-                raise LinkError("no period of the cycle was told of within 1 s", "NoAnswer")
+                raise self._silence()
             yield period
 
     def next(self, timeout: float) -> Optional[CyclePeriod]:
@@ -470,6 +471,21 @@ class RunningCycle:
     def end(self) -> None:
         """Ends the cycle; the axes stay armed for as long as their setpoints hold."""
         self._gateway._session.end_cycle()
+
+    def _silence(self) -> MotorGatewayError:
+        """Why no period is told of: the gateway ends the cycle of a host that says nothing more,
+        as one does whose axis has tripped."""
+        for axis in self._axes:
+            trip = self._gateway.state(axis).trip
+            if trip is not None:
+                return MotorGatewayError(
+                    f"the cycle has ended: axis {axis} has tripped ({trip.reason}). Remove the "
+                    "cause, clear the axis, then run the cycle again",
+                    "Tripped",
+                    None,
+                    {"axis": axis, "reason": trip.reason},
+                )
+        return LinkError("no period of the cycle was told of within 1 s", "NoAnswer")
 
 
 def _check_finite(name: str, value: object) -> None:
