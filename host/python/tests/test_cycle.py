@@ -102,6 +102,23 @@ def test_a_cycle_that_a_trip_has_ended_tells_the_trip(gateway: Gateway) -> None:
         asyncio.run(awaiting())
 
 
+def test_what_was_replaced_ends_nothing(gateway: Gateway) -> None:
+    first = gateway.run_cycle(0, period_s=PERIOD_S)
+    with gateway.run_cycle(2, period_s=PERIOD_S) as cycle:
+        first.end()
+        period = cycle.next(timeout=0.1)
+        while period is not None and period.states[0].axis == 0:
+            period = cycle.next(timeout=0.1)
+        assert period is not None
+    while cycle.next(timeout=0.0):
+        pass
+    assert cycle.next(timeout=0.05) is None, "its own end ends it"
+    with gateway.subscribe(0, period_s=0.01):
+        samples = gateway.subscribe(2, period_s=0.01)
+    last = [samples.next(timeout=0.1) for _ in range(10)][-1]
+    assert last is not None and last.axis == 2
+
+
 def test_samples_and_events_come_apart(gateway: Gateway) -> None:
     while gateway.event():
         pass

@@ -88,6 +88,9 @@ class Gateway:
         self._behind = behind
         self._events: Deque[Event] = deque(maxlen=_KEPT)
         self._samples: Deque[Sample] = deque(maxlen=_KEPT)
+        # Each replaces the one before, which then has nothing to end.
+        self._subscribed: Optional[Samples] = None
+        self._running: Optional[RunningCycle] = None
         _open.add(self)
 
     def __enter__(self) -> Gateway:
@@ -289,16 +292,18 @@ class Gateway:
         """Samples of axes, one of each in each period of 1 ms to 10 s: an iterator, and a context
         manager that ends them. It replaces the subscription before."""
         self._session.subscribe(axes, fields, period_s)
-        return Samples(self)
+        self._subscribed = Samples(self)
+        return self._subscribed
 
     def run_cycle(
         self, *axes: int, fields: Sequence[str] = FAST_FIELDS, period_s: float = 0.001
     ) -> RunningCycle:
         """Has the gateway send the setpoints in force of these axes in a period of its own, 250 µs
-        to 20 ms, and tell of each: an iterator, and a context manager that ends it. Setpoints
-        have to be said again as ever."""
+        to 20 ms, and tell of each: an iterator, and a context manager that ends it. It replaces the
+        cycle before. Setpoints have to be said again as ever."""
         self._session.run_cycle(axes, fields, period_s)
-        return RunningCycle(self, axes, period_s)
+        self._running = RunningCycle(self, axes, period_s)
+        return self._running
 
     def _take(self, timeout: float) -> bool:
         told = self._session.poll_event(timeout)
@@ -421,8 +426,9 @@ class Samples:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if not self._gateway.closed:
-            self._gateway._session.unsubscribe()
+        gateway = self._gateway
+        if gateway._subscribed is self and not gateway.closed:
+            gateway._session.unsubscribe()
 
     def __iter__(self) -> Iterator[Sample]:
         while True:
@@ -469,8 +475,10 @@ class RunningCycle:
         return self._gateway._session.poll_cycle(timeout)
 
     def end(self) -> None:
-        """Ends the cycle; the axes stay armed for as long as their setpoints hold."""
-        self._gateway._session.end_cycle()
+        """Ends the cycle, unless another one has replaced it; the axes stay armed for as long as
+        their setpoints hold."""
+        if self._gateway._running is self:
+            self._gateway._session.end_cycle()
 
     def _silence(self) -> MotorGatewayError:
         """Why no period is told of: the gateway ends the cycle of a host that says nothing more,
