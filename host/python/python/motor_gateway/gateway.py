@@ -176,7 +176,8 @@ class Gateway:
         dictionary with the keys of the file. With ``merge`` only what it names changes.
 
         All changes are made together or not at all. ``motor_timeout_ms`` is written to the motors
-        afterwards.
+        afterwards. An axis whose bus or motor changes has to be idle: one that holds is after
+        :meth:`output_off`.
 
         :raises ConfigurationError: with everything that is wrong with it.
         """
