@@ -14,6 +14,7 @@ from contextlib import suppress
 from typing import Any, Callable, Dict, Iterator, List
 
 import pytest
+from conftest import SERVED_TTL_US
 
 from motor_gateway import (
     FOUR_MOTORS,
@@ -434,6 +435,35 @@ def test_the_end_of_the_interpreter_stops(served: Simulator, ending: str, code: 
     assert program.returncode == code, errors
     state = at_rest(served)
     # By the program, and not by the gateway on its own.
+    assert (state.state, state.trip) == ("holding", None)
+
+
+HOLD = """
+import threading
+holding = threading.Thread(target=lambda: motors.hold([make_velocity(0, 2.0)], 3600), daemon={})
+holding.start()
+time.sleep(0.3)
+raise RuntimeError("by mistake")
+"""
+
+
+def test_a_thread_that_outlives_the_main_one_goes_on_and_a_daemon_is_stopped(
+    served: Simulator,
+) -> None:
+    program = run(served, HOLD.format(False))
+    assert program.stderr is not None
+    while "by mistake" not in program.stderr.readline():
+        pass
+    time.sleep(2 * SERVED_TTL_US / 1e6)
+    assert program.poll() is None and look(served).state == "active"
+    program.kill()
+    program.communicate(timeout=PATIENCE_S)
+    with served.connect() as gateway:
+        at_rest_when_tripped(served)
+        gateway.clear(0)
+    program = run(served, HOLD.format(True))
+    program.communicate(timeout=PATIENCE_S)
+    state = at_rest(served)
     assert (state.state, state.trip) == ("holding", None)
 
 
