@@ -208,17 +208,20 @@ impl Command<'_> {
             Ask::Unreadable => self.stop_armed(),
             Ask::Jog { axis, .. } | Ask::Set { axis, .. } => {
                 let setpoint = match ask.setpoint() {
-                    Ok(Some((_, setpoint))) => setpoint,
+                    Ok(Some(_)) if !self.armed.contains_key(&axis) => {
+                        Err(format!("axis {axis} is not armed by this page: arm it first"))
+                    }
+                    Ok(Some((_, setpoint))) => Ok(setpoint),
                     Ok(None) => return Ok(()),
+                    Err(why) => Err(why),
+                };
+                let setpoint = match setpoint {
+                    Ok(setpoint) => setpoint,
                     Err(why) => {
                         self.tell_refused(&Failure::Usage(why));
                         return self.stop_armed();
                     }
                 };
-                if !self.armed.contains_key(&axis) {
-                    let text = format!("axis {axis} is not armed by this page: arm it first");
-                    return Err(Failure::Usage(text));
-                }
                 let until = matches!(ask, Ask::Jog { .. }).then_some(at + JOG_FOR);
                 // One that waited behind something else moves nothing any more.
                 if until.is_none_or(|until| until > Instant::now()) {

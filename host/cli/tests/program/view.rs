@@ -476,12 +476,15 @@ fn a_page_moves_only_what_it_has_armed_in_command() {
 }
 
 #[test]
-fn a_message_that_cannot_be_read_stops_what_its_page_has_armed() {
+fn a_message_that_is_refused_or_cannot_be_read_stops_what_its_page_has_armed() {
     let sim = Sim::patient();
     let view = View::start(&sim.port, &[]);
     let mut page = view.page();
     page.take_command();
-    for unreadable in [
+    for refused in [
+        // Readable, and refused: the page has not armed this axis.
+        json!({ "ask": "set", "axis": 1, "mode": "velocity", "value": 1.0 }),
+        json!({ "ask": "jog", "axis": 1, "mode": "velocity", "value": 1.0 }),
         json!({ "ask": "set", "axis": 0, "mode": "velocity", "value": null }),
         json!({ "ask": "set", "axis": 0, "mode": "velocity", "value": 1e300 }),
         json!("slower"),
@@ -489,9 +492,9 @@ fn a_message_that_cannot_be_read_stops_what_its_page_has_armed() {
         page.arm_once_at_rest(0);
         page.say(json!({ "ask": "set", "axis": 0, "mode": "velocity", "value": 2.0 }));
         page.await_state(0, "active");
-        page.say(unreadable.clone());
+        page.say(refused.clone());
         assert!(!page.refusal().is_empty());
-        assert_eq!(page.event("disarmed")["axis"], 0, "{unreadable}");
+        assert_eq!(page.event("disarmed")["axis"], 0, "{refused}");
         motor_is_stopped(&sim);
     }
 }
