@@ -1,6 +1,6 @@
 //! A request of a program, by what it does.
 
-use host_protocol::{Call, Frame, Kind, requests as ask};
+use host_protocol::{Call, Frame, Kind, Request, requests as ask};
 
 /// A request as it came.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,7 +35,8 @@ impl Ask {
         self.number == ask::SetBaud::NUMBER
     }
 
+    /// A hello; one that cannot be read is refused by the gateway and opens nothing.
     pub fn opens_session(&self) -> bool {
-        self.number == ask::Hello::NUMBER
+        self.number == ask::Hello::NUMBER && Request::decode(self.number, &self.body).is_ok()
     }
 }

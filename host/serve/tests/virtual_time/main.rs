@@ -9,8 +9,8 @@ use std::time::Duration;
 use mgw_client::Transport;
 use mgw_client::host_protocol::requests as ask;
 use mgw_client::host_protocol::{
-    AxisState, Call, Deframer, Error, Event, EventMessage, Kind, StateField, StateFields,
-    StopTarget, TripReason,
+    AxisState, Call, Deframer, Error, Event, EventMessage, Kind, MAX_FRAME, StateField,
+    StateFields, StopTarget, TripReason, encode,
 };
 use mgw_serve::{News, SERVER};
 
@@ -132,6 +132,21 @@ fn a_hello_of_the_one_in_command_ends_its_authority_like_silence() {
         bench.run(10 * MS);
     }
     assert_eq!(bench.trip(), Some(TripReason::HostSilent));
+}
+
+#[test]
+fn a_hello_that_cannot_be_read_ends_nothing() {
+    let bench = Bench::new();
+    let mut first = bench.program();
+    turn(&mut first);
+    let mut out = [0; MAX_FRAME];
+    let length = encode(Kind::Request, 30_000, ask::Hello::NUMBER, &1_u8, &mut out).unwrap();
+    first.transport_mut().send(&out[..length]).unwrap();
+    for _ in 0..30 {
+        first.ping().unwrap();
+        bench.run(10 * MS);
+    }
+    assert_eq!(bench.trip(), None);
 }
 
 #[test]
