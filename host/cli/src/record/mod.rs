@@ -199,11 +199,14 @@ fn write_down(
     mut encoder: Encoder,
     mut files: Files,
 ) -> Result<Summary, Failure> {
-    let start = Instant::now();
-    let mut flushed = start;
+    let mut flushed = Instant::now();
+    // Of what was written last: what others put in at once is not in the order of its times.
+    let mut latest = Duration::ZERO;
     loop {
         match items.recv_timeout(FLUSH_EVERY.saturating_sub(flushed.elapsed())) {
-            Ok(Put::Item(item)) => {
+            Ok(Put::Item(mut item)) => {
+                latest = latest.max(item.at);
+                item.at = latest;
                 encoder.not_queued(unwritten.events.swap(0, Ordering::Relaxed));
                 encoder.take(*item).iter().try_for_each(|message| files.write(message))?;
             }
@@ -211,13 +214,13 @@ fn write_down(
             Err(RecvTimeoutError::Timeout) => {}
         }
         if flushed.elapsed() >= FLUSH_EVERY {
-            let told = encoder.losses(start.elapsed(), unwritten.all.load(Ordering::Relaxed));
+            let told = encoder.losses(latest, unwritten.all.load(Ordering::Relaxed));
             told.iter().try_for_each(|message| files.write(message))?;
             files.flush()?;
             flushed = Instant::now();
         }
     }
-    let told = encoder.losses(start.elapsed(), unwritten.all.load(Ordering::Relaxed));
+    let told = encoder.losses(latest, unwritten.all.load(Ordering::Relaxed));
     told.iter().try_for_each(|message| files.write(message))?;
     files.finish(encoder.lost())
 }

@@ -55,7 +55,7 @@ impl Part {
     }
 }
 
-/// Calls `each` with the messages of a file. Whether it ends as a recording that was ended does:
+/// Calls `each` with the messages of a file, each chunk of them when its checksum is right. Whether it ends as a recording that was ended does:
 /// one that was cut off has no footer.
 pub fn file(
     path: &Path,
@@ -67,7 +67,7 @@ pub fn file(
     let options = LinearReaderOptions::default()
         .with_skip_end_magic(true)
         .with_record_length_limit(LONGEST)
-        .with_validate_chunk_crcs(true);
+        .with_prevalidate_chunk_crcs(true);
     for message in MessageReader::new_with_options(BufReader::new(source), options) {
         let message = match message {
             Ok(message) => message,

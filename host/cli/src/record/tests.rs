@@ -403,10 +403,55 @@ fn a_recording_that_was_cut_off_is_read_up_to_the_cut() {
     let (whole, is_whole) = read(&flushed, "cut.mcap");
     assert!(!is_whole);
     assert_eq!(whole.len(), messages.len());
-    // In the middle of the chunk: what is whole before the cut.
-    let (some, is_whole) = read(&flushed[..flushed.len() / 2], "cut.mcap");
-    assert!(!is_whole && some.len() < messages.len());
+    // In the middle of the second chunk: the first, as the checksum of the other has not come.
+    messages.iter().for_each(|message| files.write(message).unwrap());
+    files.flush().unwrap();
+    let twice = disk.lock().unwrap()[0].1.clone();
+    let (some, is_whole) = read(&twice[..usize::midpoint(flushed.len(), twice.len())], "cut.mcap");
+    assert!(!is_whole);
+    assert_eq!(some.len(), messages.len());
     assert!(some.iter().zip(&messages).all(|(read, written)| read.value == written.value));
+}
+
+#[test]
+fn of_a_damaged_chunk_nothing_is_told() {
+    let (disk, files) = files(u64::MAX, usize::MAX);
+    let mut files = files.unwrap();
+    all_messages().iter().for_each(|message| files.write(message).unwrap());
+    files.finish(Losses::default()).unwrap();
+    let mut bytes = disk.lock().unwrap()[0].1.clone();
+    let name = b"\"time_us\"";
+    let key = bytes.windows(name.len()).position(|window| window == name).unwrap();
+    bytes[key + 1] ^= 1;
+    let path = std::env::temp_dir().join(format!("mgw-record-{}-bad.mcap", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    let mut told = 0;
+    let refused = read::file(&path, |_| {
+        told += 1;
+        Ok(())
+    });
+    std::fs::remove_file(&path).unwrap();
+    assert!(refused.unwrap_err().to_string().contains("CRC"));
+    assert_eq!(told, 0);
+}
+
+/// Threads take the time before they have a place in the queue, and what is lost is told between.
+#[test]
+fn times_never_step_back_within_a_recording() {
+    let (queue, items) = sync_channel(9);
+    let unwritten = Arc::new(Unwritten::default());
+    for at in [5, 3, 4, 9] {
+        let item = Item { at: Duration::from_secs(at), what: What::Event(sample(at)) };
+        queue.send(Put::Item(Box::new(item))).unwrap();
+    }
+    unwritten.all.store(1, Ordering::Relaxed);
+    queue.send(Put::End).unwrap();
+    let (disk, files) = files(u64::MAX, usize::MAX);
+    let encoder = Encoder::new(Protocols::default());
+    write_down(&items, &unwritten, encoder, files.unwrap()).unwrap();
+    let (messages, _) = read(&disk.lock().unwrap()[0].1, "times.mcap");
+    let times: Vec<u64> = messages.iter().map(|one| one.log_ns / 1_000_000_000 - 1_000).collect();
+    assert_eq!(times, [5, 5, 5, 9, 9]);
 }
 
 #[test]
