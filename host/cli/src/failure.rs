@@ -353,7 +353,14 @@ impl fmt::Display for Failure {
                 write!(f, "{path} is there already. Name another file, or add --force")
             }
             Self::Unwritten { path, source } => {
-                write!(f, "cannot write {path} ({source}). Check the path")
+                use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+                let advice = match source.kind() {
+                    StorageFull | QuotaExceeded | FileTooLarge => {
+                        "Make room, or name another place"
+                    }
+                    _ => "Check the path",
+                };
+                write!(f, "cannot write {path} ({source}). {advice}")
             }
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")

@@ -8,6 +8,9 @@ use crate::failure::Failure;
 
 /// Opens a file to write it; one that is there already only with `force`.
 pub fn open(path: &Path, force: bool) -> io::Result<File> {
+    if path.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
     OpenOptions::new().write(true).create(force).truncate(force).create_new(!force).open(path)
 }
 

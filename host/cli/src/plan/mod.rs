@@ -204,8 +204,8 @@ pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
         return Err(Failure::Configuration { path, findings });
     }
     let plan = Plan::of_configuration(&configuration, &premises).filter(|plan| plan.axes() > 0);
-    let plan = plan.ok_or_else(|| Failure::DoesNotHold {
-        text: format!("{} has no axis to plan for", arguments.source.path),
+    let plan = plan.ok_or_else(|| {
+        Failure::Usage(format!("{} has no axis to plan for", arguments.source.path))
     })?;
     let wanted = arguments.rate.filter(|rate| !plan.holds(*rate, &premises));
     let changes =
