@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from contextlib import suppress
 from typing import Any, Callable, Dict, Iterator, List
 
@@ -107,6 +108,22 @@ def test_garbage_is_stopped_and_told(simulator: Simulator) -> None:
         del gateway, motors
         gc.collect()
     assert simulator.now() - before < 0.02
+    state = look(simulator)
+    assert state.state in ("stopping", "holding") and state.trip is None
+
+
+def test_a_cycle_and_a_subscription_keep_no_session_that_nobody_has(simulator: Simulator) -> None:
+    gateway = simulator.connect(FOUR_MOTORS)
+    known = weakref.ref(gateway)
+    gc.disable()
+    try:
+        with pytest.warns(ResourceWarning, match="use it in a `with` block"):
+            motors, cycle, samples = gateway.arm(0), gateway.run_cycle(0), gateway.subscribe(0)
+            motors.set(make_velocity(0, 2.0))
+            del gateway, motors, cycle, samples
+        assert known() is None
+    finally:
+        gc.enable()
     state = look(simulator)
     assert state.state in ("stopping", "holding") and state.trip is None
 

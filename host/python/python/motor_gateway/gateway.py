@@ -88,9 +88,10 @@ class Gateway:
         self._behind = behind
         self._events: Deque[Event] = deque(maxlen=_KEPT)
         self._samples: Deque[Sample] = deque(maxlen=_KEPT)
-        # Each replaces the one before, which then has nothing to end.
-        self._subscribed: Optional[Samples] = None
-        self._running: Optional[RunningCycle] = None
+        # Each subscription and each cycle replaces the one before, which then has nothing to end.
+        # Counted, as a reference would keep a session that nobody else has.
+        self._subscriptions = 0
+        self._cycles = 0
         _open.add(self)
 
     def __enter__(self) -> Gateway:
@@ -293,8 +294,8 @@ class Gateway:
         """Samples of axes, one of each in each period of 1 ms to 10 s: an iterator, and a context
         manager that ends them. It replaces the subscription before."""
         self._session.subscribe(axes, fields, period_s)
-        self._subscribed = Samples(self)
-        return self._subscribed
+        self._subscriptions += 1
+        return Samples(self, self._subscriptions)
 
     def run_cycle(
         self, *axes: int, fields: Sequence[str] = FAST_FIELDS, period_s: float = 0.001
@@ -303,8 +304,8 @@ class Gateway:
         to 20 ms, and tell of each: an iterator, and a context manager that ends it. It replaces the
         cycle before. Setpoints have to be said again as ever."""
         self._session.run_cycle(axes, fields, period_s)
-        self._running = RunningCycle(self, axes, period_s)
-        return self._running
+        self._cycles += 1
+        return RunningCycle(self, self._cycles, axes, period_s)
 
     def _take(self, timeout: float) -> bool:
         told = self._session.poll_event(timeout)
@@ -419,8 +420,9 @@ class Armed:
 class Samples:
     """The samples of a subscription. Ends it when its ``with`` block is left."""
 
-    def __init__(self, gateway: Gateway) -> None:
+    def __init__(self, gateway: Gateway, number: int) -> None:
         self._gateway = gateway
+        self._number = number
         gateway._samples.clear()
 
     def __enter__(self) -> Samples:
@@ -428,7 +430,7 @@ class Samples:
 
     def __exit__(self, *_: object) -> None:
         gateway = self._gateway
-        if gateway._subscribed is self and not gateway.closed:
+        if gateway._subscriptions == self._number and not gateway.closed:
             gateway._session.unsubscribe()
 
     def __iter__(self) -> Iterator[Sample]:
@@ -451,8 +453,11 @@ class Samples:
 class RunningCycle:
     """The periods of a free-running cycle. Ends it when its ``with`` block is left."""
 
-    def __init__(self, gateway: Gateway, axes: Sequence[int], period_s: float) -> None:
+    def __init__(
+        self, gateway: Gateway, number: int, axes: Sequence[int], period_s: float
+    ) -> None:
         self._gateway = gateway
+        self._number = number
         self._axes = tuple(axes)
         #: The period that was asked for.
         self.period_s = period_s
@@ -478,7 +483,7 @@ class RunningCycle:
     def end(self) -> None:
         """Ends the cycle, unless another one has replaced it; the axes stay armed for as long as
         their setpoints hold."""
-        if self._gateway._running is self:
+        if self._gateway._cycles == self._number:
             self._gateway._session.end_cycle()
 
     def _silence(self) -> MotorGatewayError:
