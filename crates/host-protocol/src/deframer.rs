@@ -62,7 +62,7 @@ impl Deframer {
             let between = bytes.iter().take_while(|byte| **byte == DELIMITER).count();
             *bytes = bytes.get(between..)?;
         }
-        let end = bytes.iter().position(|byte| *byte == DELIMITER);
+        let end = find_delimiter(bytes);
         let (come, rest) = bytes.split_at_checked(end.unwrap_or(bytes.len()))?;
         let place = self.stuffed.get_mut(self.length..).and_then(|room| room.get_mut(..come.len()));
         match place {
@@ -78,6 +78,19 @@ impl Deframer {
         let message = stuffed.ok_or(FrameError::TooLong).and_then(|stuffed| unstuff(stuffed));
         Some(message.and_then(Frame::from_message))
     }
+}
+
+/// Where the first delimiter is. The words before it are passed over as such.
+fn find_delimiter(bytes: &[u8]) -> Option<usize> {
+    let (words, _) = bytes.as_chunks::<4>();
+    // Taking 1 from each byte borrows where one is zero; its highest bit is then set, and was not.
+    let has_none = |word: &&[u8; 4]| {
+        let word = u32::from_ne_bytes(**word);
+        word.wrapping_sub(0x0101_0101) & !word & 0x8080_8080 == 0
+    };
+    let passed = 4 * words.iter().take_while(has_none).count();
+    let found = bytes.get(passed..)?.iter().position(|byte| *byte == DELIMITER);
+    found.map(|at| passed + at)
 }
 
 /// Undoes COBS in place: a code byte says how far the next one is, which gives way to a zero. Only
