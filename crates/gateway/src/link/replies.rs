@@ -111,6 +111,9 @@ pub struct Replies {
     remembered: [Option<Identity>; 2 * WINDOW],
     /// Requests so far.
     requests: u32,
+    /// Where the next request looks for a place first, and then on round: one that comes late to be
+    /// [sent](State::Sent) is not given away at once, though its request is the oldest.
+    next: usize,
     /// The entries whose replies wait, in the order of their results.
     waiting: Deque<usize, WINDOW>,
 }
@@ -121,6 +124,7 @@ impl Replies {
             entries: [Entry::EMPTY; WINDOW],
             remembered: [None; 2 * WINDOW],
             requests: 0,
+            next: 0,
             waiting: Deque::new(),
         }
     }
@@ -135,7 +139,7 @@ impl Replies {
 
     /// What comes behind them.
     pub fn rest(&self) -> impl Serialize {
-        (self.remembered, self.requests, &self.waiting)
+        (self.remembered, self.requests, self.next, &self.waiting)
     }
 
     /// Whether this very request is remembered.
@@ -162,17 +166,14 @@ impl Replies {
             }
             return Reserved::Repeated;
         }
-        let now = self.requests.wrapping_add(1);
-        // The oldest whose reply has been sent; what has never been given away is older.
-        let (mut index, mut oldest) = (WINDOW, 0);
-        for (at, entry) in self.entries.iter().enumerate() {
-            let age = now.wrapping_sub(entry.order);
-            if age > oldest && entry.state == State::Sent {
-                (index, oldest) = (at, age);
-            }
-        }
+        let is_free =
+            |at: &usize| self.entries.get(*at).is_some_and(|entry| entry.state == State::Sent);
+        let found = (self.next..WINDOW).chain(0..self.next).find(is_free);
+        let Some(index) = found else { return Reserved::Full };
         let Some(entry) = self.entries.get_mut(index) else { return Reserved::Full };
+        let now = self.requests.wrapping_add(1);
         (entry.state, entry.order) = (State::Executing, now);
+        self.next = (index + 1) % WINDOW;
         // Nobody reads it any more, and a snapshot has room for it.
         entry.length = 0;
         self.requests = now;
