@@ -14,24 +14,65 @@ mod loader;
 mod nucleo_g474re;
 #[cfg(feature = "nucleo-h743zi")]
 mod nucleo_h743zi;
+mod ports;
 mod serial;
 
 // As the flash interfaces have it, which a loader has, too.
 use embassy_stm32::pac;
+use gateway::{Board, BusPort};
+use host_links::HostLinks;
+use host_protocol::{BootReason, BusLimit};
+#[cfg(feature = "nucleo-g474re")]
+use nucleo_g474re::ENABLE_OUTPUT;
 #[cfg(feature = "nucleo-g474re")]
 pub use nucleo_g474re::{
     CAN_BUSES, CAN_TIMINGS, FLIGHT_BYTES, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort,
-    WATCHDOG, begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock,
-    set_enable_output, start, start_rom_bootloader,
+    WATCHDOG, begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock, start,
+    start_rom_bootloader,
 };
+#[cfg(feature = "nucleo-h743zi")]
+use nucleo_h743zi::ENABLE_OUTPUT;
 #[cfg(feature = "nucleo-h743zi")]
 pub use nucleo_h743zi::{
     CAN_BUSES, CAN_TIMINGS, FLIGHT_BYTES, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort,
-    WATCHDOG, begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock,
-    set_enable_output, start, start_rom_bootloader,
+    WATCHDOG, begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock, start,
+    start_rom_bootloader,
 };
 
 /// Version of the firmware.
 pub const FIRMWARE: &str = env!("CARGO_PKG_VERSION");
 /// The commit, as build.rs found it.
 pub const BUILD_ID: &str = env!("GATEWAY_BUILD_ID");
+
+/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive,
+/// whatever is set.
+pub fn set_enable_output(active: bool) {
+    let (port, pin) = ENABLE_OUTPUT;
+    port.bsrr().write(|w| {
+        if active {
+            w.set_bs(pin, true);
+        } else {
+            w.set_br(pin, true);
+        }
+    });
+}
+
+/// What the core must know of this board.
+fn description(
+    boot: BootReason,
+    crash_report: &'static str,
+    (buses, bus_limit): (&'static [BusPort], Option<BusLimit>),
+) -> Board {
+    Board {
+        name: NAME,
+        firmware: FIRMWARE,
+        build_id: BUILD_ID,
+        boot,
+        crash_report,
+        e_stop_input: true,
+        enable_output: true,
+        buses,
+        bus_limit,
+        links: &HostLinks::PORTS,
+    }
+}

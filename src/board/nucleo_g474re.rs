@@ -26,12 +26,10 @@
 //! lead PA2 and PA3 to D1 and D0 changed, host link 0 is there instead. Header pins and crystal are
 //! those of Zephyr's files for the board (boards/st/nucleo_g474re).
 
-use embassy_executor::Spawner;
 use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
 use embassy_stm32::exti::{self, ExtiInput};
 use embassy_stm32::gpio::{Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::typelevel::{Binding, EXTI4};
-use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{
     DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, DMA1_CH6, FDCAN1, FDCAN2, FDCAN3, LPUART1,
     PA8, PA11, PA12, PA15, PB8, PB9, PB12, PB13, USART1, USART3, USB,
@@ -50,13 +48,11 @@ use static_cell::StaticCell;
 
 use super::clock;
 use super::host_links::HostLinks;
+use super::ports::{Ports, can_port};
 use super::serial::{self, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
-use super::{BUILD_ID, FIRMWARE};
 use crate::dma_memory;
-use crate::fdcan::{self, CanPort, FdcanPort, Timing};
-use crate::line::{self, Receiver, Sender};
-use crate::shared_gateway::SharedGateway;
-use crate::tasks;
+use crate::fdcan::{self, FdcanPort, Timing};
+use crate::line;
 
 // First of all: after a start by the ROM bootloader (DFU) that ROM may still lie at address 0. Only
 // MEM_MODE is cleared; FB_MODE, the order of the flash banks, stays. It touches no RAM.
@@ -251,34 +247,11 @@ pub fn start_rom_bootloader() -> ! {
     unsafe { cortex_m::asm::bootload(ROM_BOOTLOADER as *const u32) }
 }
 
-/// The ports of the board, set up and not yet served.
-pub struct Ports {
-    can_0: FdcanPort<FDCAN1, PB8, PB9, Irqs>,
-    can_1: FdcanPort<FDCAN2, PB12, PB13, Irqs>,
-    can_2: FdcanPort<FDCAN3, PA8, PA15, Irqs>,
-    rs485: (Receiver, Sender),
-    hosts: HostLinks,
-    e_stop: ExtiInput<'static, Async>,
-    light: Output<'static>,
-}
-
 /// The independent watchdog.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
 
-/// The number of the enable output's pin in its port.
-const ENABLE_OUTPUT: usize = 0;
-
-/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive,
-/// whatever is set.
-pub fn set_enable_output(active: bool) {
-    pac::GPIOB.bsrr().write(|w| {
-        if active {
-            w.set_bs(ENABLE_OUTPUT, true);
-        } else {
-            w.set_br(ENABLE_OUTPUT, true);
-        }
-    });
-}
+/// The enable output: its port, and its number there.
+pub const ENABLE_OUTPUT: (pac::gpio::Gpio, usize) = (pac::GPIOB, 0);
 
 /// Sets clocks, pins and UARTs up. `crash_report` is what the run before has left.
 pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
@@ -306,9 +279,11 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
         p.USART3, p.PB11, p.PB10, p.PB14, p.DMA1_CH6, p.DMA1_CH5, Irqs, uart
     ));
     let ports = Ports {
-        can_0: FdcanPort { controller: p.FDCAN1, rx: p.PB8, tx: p.PB9, irqs: Irqs },
-        can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB12, tx: p.PB13, irqs: Irqs },
-        can_2: FdcanPort { controller: p.FDCAN3, rx: p.PA8, tx: p.PA15, irqs: Irqs },
+        can: [
+            can_port!(p, FDCAN1, rx PB8, tx PB9),
+            can_port!(p, FDCAN2, rx PB12, tx PB13),
+            can_port!(p, FDCAN3, rx PA8, tx PA15),
+        ],
         rs485: serial::rs485_line::<USART3>(
             rs485,
             dma_memory::buffer!(RS485_RING),
@@ -333,28 +308,7 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
         e_stop: ExtiInput::new(p.PA4, p.EXTI4, Pull::Up, Irqs),
         light: Output::new(p.PA5, Level::Low, Speed::Low),
     };
-    (description(boot, crash_report, has_clock), ports)
-}
-
-impl Ports {
-    /// Starts what stops motors: the tasks of the e-stop input and of the buses. Returns what comes
-    /// after that.
-    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) -> HostLinks {
-        spawner.spawn(defmt::unwrap!(tasks::light::light(gateway, self.light)));
-        spawner.spawn(defmt::unwrap!(tasks::safety::e_stop(gateway, self.e_stop)));
-        static CAN_0: StaticCell<FdcanPort<FDCAN1, PB8, PB9, Irqs>> = StaticCell::new();
-        static CAN_1: StaticCell<FdcanPort<FDCAN2, PB12, PB13, Irqs>> = StaticCell::new();
-        static CAN_2: StaticCell<FdcanPort<FDCAN3, PA8, PA15, Irqs>> = StaticCell::new();
-        let can: [&'static mut (dyn CanPort + Send); CAN_BUSES] =
-            [CAN_0.init(self.can_0), CAN_1.init(self.can_1), CAN_2.init(self.can_2)];
-        for (bus, port) in (0..).zip(can) {
-            gateway.add_can(bus, port);
-        }
-        spawner.spawn(defmt::unwrap!(tasks::can::can(gateway)));
-        let (receiver, sender) = self.rs485;
-        spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 3, receiver, sender)));
-        self.hosts
-    }
+    (super::description(boot, crash_report, buses(has_clock)), ports)
 }
 
 /// Whether the crystal swings.
@@ -407,9 +361,9 @@ fn boost() {
     pac::RCC.cfgr().modify(|w| w.set_hpre(AHBPrescaler::DIV1));
 }
 
-/// What the core must know of this board.
-fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) -> Board {
-    let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
+/// The buses that this chip can run, and why others cannot.
+fn buses(has_clock: bool) -> (&'static [BusPort], Option<BusLimit>) {
+    if !has_clock {
         defmt::error!(
             "CAN is off: the crystal does not swing, and the chip's own clock is not exact enough"
         );
@@ -421,18 +375,6 @@ fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) ->
             "bus 0 is off: its input is BOOT0 too; set the options nSWBOOT0 = 0 and nBOOT0 = 1"
         );
         (&[OFF_CAN_BUS, CAN_BUS, CAN_BUS, RS485_BUS], Some(BusLimit::BootPin))
-    };
-    Board {
-        name: NAME,
-        firmware: FIRMWARE,
-        build_id: BUILD_ID,
-        boot,
-        crash_report,
-        e_stop_input: true,
-        enable_output: true,
-        buses,
-        bus_limit,
-        links: &HostLinks::PORTS,
     }
 }
 

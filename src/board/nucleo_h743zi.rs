@@ -13,12 +13,10 @@
 //! | enable output | PE9 (D6) | active high, needs 10 kΩ to ground |
 //! | light | PB0 | LD1; its patterns are in `src/tasks/light.rs` |
 
-use embassy_executor::Spawner;
 use embassy_stm32::can::{IT0InterruptHandler, IT1InterruptHandler};
 use embassy_stm32::exti::{self, ExtiInput};
 use embassy_stm32::gpio::{Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::typelevel::{Binding, EXTI15_10};
-use embassy_stm32::mode::Async;
 use embassy_stm32::peripherals::{
     DMA1_CH0, DMA1_CH1, DMA1_CH2, DMA1_CH3, DMA1_CH4, DMA1_CH5, FDCAN1, FDCAN2, PA11, PA12, PB5,
     PB6, PD0, PD1, USART2, USART3, USART6, USB_OTG_FS,
@@ -38,13 +36,11 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 use super::clock;
 use super::host_links::HostLinks;
+use super::ports::{Ports, can_port};
 use super::serial::{self, HOST_MESSAGE, HOST_RING, RS485_MESSAGE, RS485_RING};
-use super::{BUILD_ID, FIRMWARE};
 use crate::dma_memory;
-use crate::fdcan::{self, CanPort, FdcanPort, Timing};
-use crate::line::{self, Receiver, Sender};
-use crate::shared_gateway::SharedGateway;
-use crate::tasks;
+use crate::fdcan::{self, FdcanPort, Timing};
+use crate::line;
 
 // Before the RAM is used: on revisions before X reads of the AXI SRAM can be wrong unless its port
 // reads one word at a time (ES0392 2.2.9; ST's SystemInit does the same). It touches no RAM itself.
@@ -279,33 +275,11 @@ pub fn start_rom_bootloader() -> ! {
     unsafe { cortex_m::asm::bootload(ROM_BOOTLOADER as *const u32) }
 }
 
-/// The ports of the board, set up and not yet served.
-pub struct Ports {
-    can_0: FdcanPort<FDCAN1, PD0, PD1, Irqs>,
-    can_1: FdcanPort<FDCAN2, PB5, PB6, Irqs>,
-    rs485: (Receiver, Sender),
-    hosts: HostLinks,
-    e_stop: ExtiInput<'static, Async>,
-    light: Output<'static>,
-}
-
 /// The independent watchdog.
 pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
 
-/// The number of the enable output's pin in its port.
-const ENABLE_OUTPUT: usize = 9;
-
-/// Sets the enable output, at once and from any context. Before [`start`] it stays inactive,
-/// whatever is set.
-pub fn set_enable_output(active: bool) {
-    pac::GPIOE.bsrr().write(|w| {
-        if active {
-            w.set_bs(ENABLE_OUTPUT, true);
-        } else {
-            w.set_br(ENABLE_OUTPUT, true);
-        }
-    });
-}
+/// The enable output: its port, and its number there.
+pub const ENABLE_OUTPUT: (pac::gpio::Gpio, usize) = (pac::GPIOE, 9);
 
 /// Sets clocks, pins and UARTs up. `crash_report` is what the run before has left.
 pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
@@ -338,8 +312,7 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
         p.USART2, p.PD6, p.PD5, p.PD4, p.DMA1_CH5, p.DMA1_CH4, Irqs, uart
     ));
     let ports = Ports {
-        can_0: FdcanPort { controller: p.FDCAN1, rx: p.PD0, tx: p.PD1, irqs: Irqs },
-        can_1: FdcanPort { controller: p.FDCAN2, rx: p.PB5, tx: p.PB6, irqs: Irqs },
+        can: [can_port!(p, FDCAN1, rx PD0, tx PD1), can_port!(p, FDCAN2, rx PB5, tx PB6)],
         rs485: serial::rs485_line::<USART2>(
             rs485,
             dma_memory::buffer!(RS485_RING),
@@ -364,27 +337,7 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
         e_stop: ExtiInput::new(p.PE11, p.EXTI11, Pull::Up, Irqs),
         light: Output::new(p.PB0, Level::Low, Speed::Low),
     };
-    (description(boot, crash_report, has_clock), ports)
-}
-
-impl Ports {
-    /// Starts what stops motors: the tasks of the e-stop input and of the buses. Returns what comes
-    /// after that.
-    pub fn spawn(self, spawner: Spawner, gateway: &'static SharedGateway) -> HostLinks {
-        spawner.spawn(defmt::unwrap!(tasks::light::light(gateway, self.light)));
-        spawner.spawn(defmt::unwrap!(tasks::safety::e_stop(gateway, self.e_stop)));
-        static CAN_0: StaticCell<FdcanPort<FDCAN1, PD0, PD1, Irqs>> = StaticCell::new();
-        static CAN_1: StaticCell<FdcanPort<FDCAN2, PB5, PB6, Irqs>> = StaticCell::new();
-        let can: [&'static mut (dyn CanPort + Send); CAN_BUSES] =
-            [CAN_0.init(self.can_0), CAN_1.init(self.can_1)];
-        for (bus, port) in (0..).zip(can) {
-            gateway.add_can(bus, port);
-        }
-        spawner.spawn(defmt::unwrap!(tasks::can::can(gateway)));
-        let (receiver, sender) = self.rs485;
-        spawner.spawn(defmt::unwrap!(tasks::rs485::rs485(gateway, 2, receiver, sender)));
-        self.hosts
-    }
+    (super::description(boot, crash_report, buses(has_clock)), ports)
 }
 
 /// Whether the ST-LINK gives its clock.
@@ -442,9 +395,9 @@ fn trim_by_usb_2() {
     pac::CRS.cr().modify(|w| w.set_cen(true));
 }
 
-/// What the core must know of this board.
-fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) -> Board {
-    let (buses, bus_limit): (&[BusPort], _) = if !has_clock {
+/// The buses that this chip can run, and why others cannot.
+fn buses(has_clock: bool) -> (&'static [BusPort], Option<BusLimit>) {
+    if !has_clock {
         defmt::error!(
             "CAN is off: the ST-LINK gives no clock, and the chip's own is not exact enough"
         );
@@ -458,18 +411,6 @@ fn description(boot: BootReason, crash_report: &'static str, has_clock: bool) ->
             revision
         );
         (&[CAN_BUS, OFF_CAN_BUS, RS485_BUS], Some(BusLimit::ChipRevision))
-    };
-    Board {
-        name: NAME,
-        firmware: FIRMWARE,
-        build_id: BUILD_ID,
-        boot,
-        crash_report,
-        e_stop_input: true,
-        enable_output: true,
-        buses,
-        bus_limit,
-        links: &HostLinks::PORTS,
     }
 }
 
