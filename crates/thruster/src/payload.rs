@@ -98,18 +98,18 @@ impl Payload {
 
     /// The bytes from one place on.
     fn bytes<const AT: usize, const N: usize>(&self) -> Result<[u8; N], DecodeError> {
-        let bytes = self.as_slice().get(AT..AT + N).and_then(|bytes| bytes.try_into().ok());
-        bytes.ok_or(DecodeError::Length { got: self.as_slice().len(), expected: FULL_LEN })
+        let bytes = self.as_slice().get(AT..).and_then(<[u8]>::first_chunk);
+        bytes.copied().ok_or(DecodeError::Length { got: self.as_slice().len(), expected: FULL_LEN })
     }
 
     /// Puts bytes from one place on, if there are so many.
-    pub(crate) fn put_bytes<const AT: usize>(&mut self, bytes: impl IntoIterator<Item = u8>) {
+    pub(crate) fn put_bytes<const AT: usize, const N: usize>(&mut self, bytes: [u8; N]) {
         let data: &mut [u8] = match self {
             Payload::Short(data) => data,
             Payload::Full(data) => data,
         };
-        for (place, byte) in data.iter_mut().skip(AT).zip(bytes) {
-            *place = byte;
+        if let Some(place) = data.get_mut(AT..).and_then(<[u8]>::first_chunk_mut) {
+            *place = bytes;
         }
     }
 
@@ -148,7 +148,7 @@ impl Layout for Payload {
     type Error = DecodeError;
 
     fn new(code: u16, mut fixed: Payload, _: &[usize]) -> Payload {
-        fixed.put_bytes::<0>(code.to_be_bytes());
+        fixed.put_bytes::<0, _>(code.to_be_bytes());
         fixed
     }
 
@@ -177,7 +177,7 @@ macro_rules! words {
         impl Encode<Payload> for $Number {
             fn put<const AT: usize>(&self, data: &mut Payload) {
                 let bytes = self.raw().to_be_bytes();
-                if AT == DATA { data.put_bytes::<LOWER_HALF>(bytes) } else { data.put_bytes::<AT>(bytes) }
+                if AT == DATA { data.put_bytes::<LOWER_HALF, _>(bytes) } else { data.put_bytes::<AT, _>(bytes) }
             }
         })*
     };
@@ -213,7 +213,7 @@ macro_rules! bytes {
 
         impl Encode<Payload> for $Value {
             fn put<const AT: usize>(&self, data: &mut Payload) {
-                data.put_bytes::<AT>($to(*self));
+                data.put_bytes::<AT, _>($to(*self));
             }
         })*
     };

@@ -46,7 +46,7 @@ impl Decode<Payload> for ReturnFlags {
 
 impl Encode<Payload> for ReturnFlags {
     fn put<const AT: usize>(&self, data: &mut Payload) {
-        data.put_bytes::<AT>([self.bits()]);
+        data.put_bytes::<AT, _>([self.bits()]);
     }
 }
 
@@ -66,7 +66,7 @@ impl Decode<Payload> for ReturnFrames {
 
 impl Encode<Payload> for ReturnFrames {
     fn put<const AT: usize>(&self, data: &mut Payload) {
-        data.put_bytes::<AT>([self.bits()]);
+        data.put_bytes::<AT, _>([self.bits()]);
     }
 }
 
