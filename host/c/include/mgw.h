@@ -141,7 +141,8 @@ typedef enum {
   MGW_EVENT_KIND_OTHER = 9,
 } mgw_event_kind;
 
-// A connection to a gateway. It belongs to one thread at a time.
+// A connection to a gateway. It belongs to one thread at a time, and to the process that made it:
+// another one is refused.
 typedef struct mgw_gateway mgw_gateway;
 
 // A setpoint for an axis. Only what its mode names counts; the rest may be 0.
@@ -224,21 +225,17 @@ extern "C" {
 // the right to command. Steps that the motors need take up to some hundreds of milliseconds.
 //
 // # Safety
-// `gateway` is an open handle that no other thread uses; `axes` is the first of `count` numbers;
-// `epoch` is null or a place for a number.
+// `axes` is null or the first of `count` numbers; `epoch` is null or a place for a number.
 mgw_result mgw_arm(mgw_gateway *gateway, const uint8_t *axes, size_t count, uint32_t *epoch);
 
 // Ends the permission to move, through the stop action of the axis.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_disarm(mgw_gateway *gateway, uint8_t axis);
 
 // Gives one armed axis a setpoint that lives `ttl_us` µs: without another the gateway stops it
 // then.
 //
 // # Safety
-// `gateway` is an open handle that no other thread uses; `setpoint` is one.
+// `setpoint` is null or one.
 mgw_result mgw_set(mgw_gateway *gateway,
                    uint32_t epoch,
                    const mgw_setpoint *setpoint,
@@ -250,8 +247,7 @@ mgw_result mgw_set(mgw_gateway *gateway,
 // again before the setpoints expire.
 //
 // # Safety
-// `gateway` is an open handle that no other thread uses; `setpoints` is the first of `count`;
-// `states` is null or the first of `count` places.
+// `setpoints` is null or the first of `count`; `states` is null or the first of `count` places.
 mgw_result mgw_cycle(mgw_gateway *gateway,
                      uint32_t epoch,
                      const mgw_setpoint *setpoints,
@@ -262,43 +258,25 @@ mgw_result mgw_cycle(mgw_gateway *gateway,
 // Reads how an axis is: its state, why it tripped, and what was measured last.
 //
 // # Safety
-// `gateway` is an open handle that no other thread uses; `axis_state` is null or a place for it.
+// `axis_state` is null or a place for it.
 mgw_result mgw_read(mgw_gateway *gateway, uint8_t axis, mgw_axis *axis_state);
 
 // Stops an axis; needs no right to command. It is repeated until it is answered.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_stop(mgw_gateway *gateway, uint8_t axis);
 
 // Stops every axis; needs no right to command.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_stop_all(mgw_gateway *gateway);
 
 // Emergency stop: everything stops, and nothing arms until `mgw_clear_gateway`.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_estop(mgw_gateway *gateway);
 
 // Clears the trip of an axis whose stop is confirmed and whose cause is gone. Never arms.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_clear(mgw_gateway *gateway, uint8_t axis);
 
 // Clears the latched e-stop. Never arms.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_clear_gateway(mgw_gateway *gateway);
 
 // Switches the output of a holding motor off: it lets go.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_output_off(mgw_gateway *gateway, uint8_t axis);
 
 // Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is
@@ -309,25 +287,16 @@ mgw_result mgw_output_off(mgw_gateway *gateway, uint8_t axis);
 // `port` is null or a text with a zero behind it; `gateway` is a place for a pointer.
 mgw_result mgw_connect(const char *port, mgw_gateway **gateway);
 
-// Stops what was armed over this handle and disconnects. The handle is gone whatever comes back;
-// null does nothing.
-//
-// # Safety
-// `gateway` is null or a handle of `mgw_connect` that was not closed and that no other thread
-// uses.
+// Stops what was armed over this handle and disconnects. The handle is gone whatever comes back,
+// unless it was refused as an argument; null does nothing.
 mgw_result mgw_close(mgw_gateway *gateway);
 
 // Keeps the right to command while nothing else is asked: the gateway takes it away, and trips
 // what is armed, when it has not heard this host for 250 ms unless configured otherwise.
-//
-// # Safety
-// `gateway` is an open handle that no other thread uses.
 mgw_result mgw_keep_alive(mgw_gateway *gateway);
 
-// The gateway's time now, µs, as this host knows it from what it has heard; 0 without a handle.
-//
-// # Safety
-// `gateway` is null or an open handle that no other thread uses.
+// The gateway's time now, µs, as this host knows it from what it has heard; 0 without a handle
+// that this thread can use.
 uint64_t mgw_time_us(const mgw_gateway *gateway);
 
 // What was wrong with the last call of this thread that failed, and what to do, as UTF-8. It is
@@ -343,7 +312,7 @@ uint16_t mgw_error_number(void);
 // meanwhile.
 //
 // # Safety
-// `gateway` is an open handle that no other thread uses; `event` is null or a place for one.
+// `event` is null or a place for one.
 mgw_result mgw_poll_event(mgw_gateway *gateway, uint32_t timeout_us, mgw_event *event);
 
 #ifdef __cplusplus

@@ -17,8 +17,7 @@ fn ttl(ttl_us: u32) -> Duration {
 /// the right to command. Steps that the motors need take up to some hundreds of milliseconds.
 ///
 /// # Safety
-/// `gateway` is an open handle that no other thread uses; `axes` is the first of `count` numbers;
-/// `epoch` is null or a place for a number.
+/// `axes` is null or the first of `count` numbers; `epoch` is null or a place for a number.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mgw_arm(
     gateway: *mut mgw_gateway,
@@ -37,20 +36,16 @@ pub unsafe extern "C" fn mgw_arm(
 }
 
 /// Ends the permission to move, through the stop action of the axis.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_disarm(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.disarm(axis)?)) }
+pub extern "C" fn mgw_disarm(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
+    with(gateway, |client| Ok(client.disarm(axis)?))
 }
 
 /// Gives one armed axis a setpoint that lives `ttl_us` µs: without another the gateway stops it
 /// then.
 ///
 /// # Safety
-/// `gateway` is an open handle that no other thread uses; `setpoint` is one.
+/// `setpoint` is null or one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mgw_set(
     gateway: *mut mgw_gateway,
@@ -76,8 +71,7 @@ pub unsafe extern "C" fn mgw_set(
 /// again before the setpoints expire.
 ///
 /// # Safety
-/// `gateway` is an open handle that no other thread uses; `setpoints` is the first of `count`;
-/// `states` is null or the first of `count` places.
+/// `setpoints` is null or the first of `count`; `states` is null or the first of `count` places.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mgw_cycle(
     gateway: *mut mgw_gateway,
@@ -106,7 +100,7 @@ pub unsafe extern "C" fn mgw_cycle(
 /// Reads how an axis is: its state, why it tripped, and what was measured last.
 ///
 /// # Safety
-/// `gateway` is an open handle that no other thread uses; `axis_state` is null or a place for it.
+/// `axis_state` is null or a place for it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mgw_read(
     gateway: *mut mgw_gateway,
@@ -124,61 +118,37 @@ pub unsafe extern "C" fn mgw_read(
 }
 
 /// Stops an axis; needs no right to command. It is repeated until it is answered.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_stop(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.stop(StopTarget::Axis(axis))?)) }
+pub extern "C" fn mgw_stop(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
+    with(gateway, |client| Ok(client.stop(StopTarget::Axis(axis))?))
 }
 
 /// Stops every axis; needs no right to command.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_stop_all(gateway: *mut mgw_gateway) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.stop(StopTarget::All)?)) }
+pub extern "C" fn mgw_stop_all(gateway: *mut mgw_gateway) -> mgw_result {
+    with(gateway, |client| Ok(client.stop(StopTarget::All)?))
 }
 
 /// Emergency stop: everything stops, and nothing arms until `mgw_clear_gateway`.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_estop(gateway: *mut mgw_gateway) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.estop()?)) }
+pub extern "C" fn mgw_estop(gateway: *mut mgw_gateway) -> mgw_result {
+    with(gateway, |client| Ok(client.estop()?))
 }
 
 /// Clears the trip of an axis whose stop is confirmed and whose cause is gone. Never arms.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_clear(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.clear(ClearTarget::Axis(axis))?)) }
+pub extern "C" fn mgw_clear(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
+    with(gateway, |client| Ok(client.clear(ClearTarget::Axis(axis))?))
 }
 
 /// Clears the latched e-stop. Never arms.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_clear_gateway(gateway: *mut mgw_gateway) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.clear(ClearTarget::Gateway)?)) }
+pub extern "C" fn mgw_clear_gateway(gateway: *mut mgw_gateway) -> mgw_result {
+    with(gateway, |client| Ok(client.clear(ClearTarget::Gateway)?))
 }
 
 /// Switches the output of a holding motor off: it lets go.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_output_off(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.output_off(axis)?)) }
+pub extern "C" fn mgw_output_off(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
+    with(gateway, |client| Ok(client.output_off(axis)?))
 }

@@ -1,15 +1,74 @@
 //! Connecting, and staying connected.
 
+use std::collections::BTreeMap;
 use std::ffi::c_char;
+use std::ptr::without_provenance_mut;
+use std::sync::{Arc, Mutex, PoisonError, RwLock, TryLockError};
 
-use mgw_client::{Client, Transport, open, server_port};
+use mgw_client::{Transport, open, server_port};
 
 use crate::arguments::{put, text};
 use crate::error::{Failure, ended, mgw_result};
 
-/// A connection to a gateway. It belongs to one thread at a time.
+/// A connection to a gateway. It belongs to one thread at a time, and to the process that made it:
+/// another one is refused.
 pub struct mgw_gateway {
-    pub(crate) client: Client<Box<dyn Transport + Send>>,
+    // A handle is a number and points to nothing.
+    _nothing: (),
+}
+
+type Client = mgw_client::Client<Box<dyn Transport + Send>>;
+
+/// What a handle stands for.
+struct Connection {
+    /// `None` once it is closed.
+    client: Option<Client>,
+    /// The process that made it: a child of it has the same memory, and the same cable.
+    process: u32,
+}
+
+/// The connections by the numbers that are their handles. None is given twice, so that a handle
+/// that was closed is not mistaken for a later one.
+static OPEN: RwLock<(usize, BTreeMap<usize, Arc<Mutex<Connection>>>)> =
+    RwLock::new((0, BTreeMap::new()));
+
+/// Takes a connection in and returns its handle.
+fn keep(client: Client) -> *mut mgw_gateway {
+    let connection = Connection { client: Some(client), process: std::process::id() };
+    let mut open = OPEN.write().unwrap_or_else(PoisonError::into_inner);
+    open.0 += 1;
+    let handle = open.0;
+    open.1.insert(handle, Arc::new(Mutex::new(connection)));
+    without_provenance_mut(handle)
+}
+
+/// Does something with what a handle stands for, unless that is refused.
+fn hold<R>(
+    gateway: *const mgw_gateway,
+    act: impl FnOnce(&mut Option<Client>) -> Result<R, Failure>,
+) -> Result<R, Failure> {
+    let refused = |why: &str| Failure::argument(format!("gateway: {why}"));
+    if gateway.is_null() {
+        return Err(refused("the handle is null"));
+    }
+    let open = OPEN.read().unwrap_or_else(PoisonError::into_inner);
+    let found = open.1.get(&gateway.addr()).cloned();
+    drop(open);
+    let closed = "the handle is not open: it was closed, or mgw_connect did not give it";
+    let found = found.ok_or_else(|| refused(closed))?;
+    let mut taken = match found.try_lock() {
+        Ok(taken) => taken,
+        Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+        Err(TryLockError::WouldBlock) => {
+            let used = "another thread is in a call with this handle; give each its own";
+            return Err(refused(used));
+        }
+    };
+    if taken.process != std::process::id() {
+        let forked = "the handle belongs to the process that made it; connect anew after a fork";
+        return Err(refused(forked));
+    }
+    if taken.client.is_none() { Err(refused(closed)) } else { act(&mut taken.client) }
 }
 
 /// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is
@@ -37,64 +96,47 @@ pub unsafe extern "C" fn mgw_connect(
         let transport = open(&port).map_err(mgw_client::ClientError::Connect)?;
         let client = Client::connect(transport)?;
         // Safety: as the caller promises.
-        unsafe { put(gateway, Box::into_raw(Box::new(mgw_gateway { client }))) };
+        unsafe { put(gateway, keep(client)) };
         Ok(())
     };
     ended(connect())
 }
 
-/// Stops what was armed over this handle and disconnects. The handle is gone whatever comes back;
-/// null does nothing.
-///
-/// # Safety
-/// `gateway` is null or a handle of `mgw_connect` that was not closed and that no other thread
-/// uses.
+/// Stops what was armed over this handle and disconnects. The handle is gone whatever comes back,
+/// unless it was refused as an argument; null does nothing.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
+pub extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
     if gateway.is_null() {
         return mgw_result::Ok;
     }
-    // Safety: as the caller promises.
-    let mut gateway = unsafe { Box::from_raw(gateway) };
-    let stopped = gateway.client.stop_armed().map_err(Failure::from);
-    // Another host may be in command, and that is well.
-    let _ = gateway.client.release_authority();
-    ended(stopped)
+    ended(hold(gateway, |client| {
+        OPEN.write().unwrap_or_else(PoisonError::into_inner).1.remove(&gateway.addr());
+        let Some(mut client) = client.take() else { return Ok(()) };
+        let stopped = client.stop_armed();
+        // Another host may be in command, and that is well.
+        let _ = client.release_authority();
+        Ok(stopped?)
+    }))
 }
 
 /// Keeps the right to command while nothing else is asked: the gateway takes it away, and trips
 /// what is armed, when it has not heard this host for 250 ms unless configured otherwise.
-///
-/// # Safety
-/// `gateway` is an open handle that no other thread uses.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_keep_alive(gateway: *mut mgw_gateway) -> mgw_result {
-    // Safety: as the caller promises.
-    unsafe { with(gateway, |client| Ok(client.keep_alive()?)) }
+pub extern "C" fn mgw_keep_alive(gateway: *mut mgw_gateway) -> mgw_result {
+    with(gateway, |client| Ok(client.keep_alive()?))
 }
 
-/// The gateway's time now, µs, as this host knows it from what it has heard; 0 without a handle.
-///
-/// # Safety
-/// `gateway` is null or an open handle that no other thread uses.
+/// The gateway's time now, µs, as this host knows it from what it has heard; 0 without a handle
+/// that this thread can use.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn mgw_time_us(gateway: *const mgw_gateway) -> u64 {
-    // Safety: as the caller promises.
-    unsafe { gateway.as_ref() }.map_or(0, |gateway| gateway.client.gateway_now_us())
+pub extern "C" fn mgw_time_us(gateway: *const mgw_gateway) -> u64 {
+    hold(gateway, |client| Ok(client.as_ref().map_or(0, Client::gateway_now_us))).unwrap_or(0)
 }
 
 /// Does something with a connection.
-///
-/// # Safety
-/// `gateway` is null or an open handle that no other thread uses.
-pub(crate) unsafe fn with(
+pub(crate) fn with(
     gateway: *mut mgw_gateway,
-    act: impl FnOnce(&mut Client<Box<dyn Transport + Send>>) -> Result<(), Failure>,
+    act: impl FnOnce(&mut Client) -> Result<(), Failure>,
 ) -> mgw_result {
-    // Safety: as the caller promises.
-    let gateway = unsafe { gateway.as_mut() };
-    ended(match gateway {
-        Some(gateway) => act(&mut gateway.client),
-        None => Err(Failure::argument("gateway: the handle is null")),
-    })
+    ended(hold(gateway, |client| client.as_mut().map_or(Ok(()), act)))
 }

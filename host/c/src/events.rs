@@ -88,7 +88,7 @@ impl From<Option<EventMessage>> for mgw_event {
 /// meanwhile.
 ///
 /// # Safety
-/// `gateway` is an open handle that no other thread uses; `event` is null or a place for one.
+/// `event` is null or a place for one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mgw_poll_event(
     gateway: *mut mgw_gateway,

@@ -1,6 +1,7 @@
 //! The client library of the motor gateway for C. `include/mgw.h` is made of this.
 //!
-//! A handle belongs to one thread at a time; each may have its own. Every function that can fail
+//! A handle belongs to one thread at a time; each may have its own, and a handle that is used
+//! otherwise, or after it was closed, is refused. Every function that can fail
 //! returns a [`mgw_result`]; [`mgw_error_text`] then says in words what was wrong and what to do.
 #![allow(non_camel_case_types, reason = "the names of C")]
 

@@ -1,8 +1,14 @@
 // What callers do wrong, and each call once, against `mgw sim` whose axes 0 to 3 are configured.
+#define _POSIX_C_SOURCE 200809L
 #include <assert.h>
 #include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
 
 #include "mgw.h"
 
@@ -27,6 +33,17 @@ static bool becomes(mgw_gateway *gateway, uint8_t axis, mgw_state state, mgw_axi
         if (mgw_poll_event(gateway, 10000, &event) != MGW_RESULT_OK) return false;
     }
     return false;
+}
+
+// Is in calls with a handle until it is told to end: each waits for an event that does not come.
+static atomic_bool ends = false, is_in_calls = false;
+static void *wait_for_events(void *gateway) {
+    mgw_event event;
+    while (!ends) {
+        is_in_calls = true;
+        (void)mgw_poll_event(gateway, 100000, &event);
+    }
+    return NULL;
 }
 
 int main(int count, char **arguments) {
@@ -114,11 +131,28 @@ int main(int count, char **arguments) {
     CHECK(mgw_clear_gateway(gateway) == MGW_RESULT_OK);
     CHECK(mgw_clear(gateway, 0) == MGW_RESULT_OK);
 
+    // A handle is of one thread and one process.
+    pthread_t thread;
+    CHECK(pthread_create(&thread, NULL, wait_for_events, other) == 0);
+    while (!is_in_calls) nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+    mgw_result used = MGW_RESULT_OK;
+    for (int look = 0; look < 10000 && used == MGW_RESULT_OK; look++) used = mgw_stop(other, 3);
+    ends = true;
+    CHECK(used == MGW_RESULT_WRONG_ARGUMENT && says("another thread"));
+    CHECK(pthread_join(thread, NULL) == 0 && mgw_stop(other, 3) == MGW_RESULT_OK);
+    const pid_t child = fork();
+    if (child == 0) _exit(mgw_close(other) == MGW_RESULT_WRONG_ARGUMENT && says("after a fork") ? 0 : 1);
+    int status = -1;
+    CHECK(child > 0 && waitpid(child, &status, 0) == child && status == 0);
+
     // Leaving a handle stops what it has armed.
     CHECK(mgw_arm(gateway, axes, 1, &epoch) == MGW_RESULT_OK);
     CHECK(mgw_close(gateway) == MGW_RESULT_OK);
     CHECK(becomes(other, 0, MGW_STATE_HOLDING, &axis));
     CHECK(mgw_close(other) == MGW_RESULT_OK);
+    CHECK(mgw_close(other) == MGW_RESULT_WRONG_ARGUMENT && says("the handle is not open"));
+    CHECK(mgw_stop_all(gateway) == MGW_RESULT_WRONG_ARGUMENT && mgw_time_us(gateway) == 0);
+    CHECK(mgw_stop_all((mgw_gateway *)(void *)&axis) == MGW_RESULT_WRONG_ARGUMENT);
     puts("all of it passed");
     return 0;
 }
