@@ -309,7 +309,8 @@ uint16_t mgw_error_number(void);
 
 // Waits at most `timeout_us` µs for the next event and writes it to `event`: of kind
 // `MGW_EVENT_KIND_NONE` where none came. It sends nothing: what is armed needs setpoints
-// meanwhile.
+// meanwhile, and a gateway that has restarted behind an open cable tells events from the next
+// `mgw_keep_alive`, `mgw_set` or `mgw_cycle` on.
 //
 // # Safety
 // `event` is null or a place for one.

@@ -85,7 +85,8 @@ impl From<Option<EventMessage>> for mgw_event {
 
 /// Waits at most `timeout_us` µs for the next event and writes it to `event`: of kind
 /// `MGW_EVENT_KIND_NONE` where none came. It sends nothing: what is armed needs setpoints
-/// meanwhile.
+/// meanwhile, and a gateway that has restarted behind an open cable tells events from the next
+/// `mgw_keep_alive`, `mgw_set` or `mgw_cycle` on.
 ///
 /// # Safety
 /// `event` is null or a place for one.

@@ -173,6 +173,7 @@ impl<T: Transport> Client<T> {
         let request =
             Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session };
         self.hello = refuse_other_major(self.request_within(&request, HELLO_DEADLINE))?;
+        self.clock.greeted();
         Ok(())
     }
 
@@ -281,41 +282,52 @@ impl<T: Transport> Client<T> {
     }
 
     pub(crate) fn ping_within(&mut self, deadline: Duration) -> Result<(), ClientError> {
-        self.measure_by_ping(deadline, REPEAT_AFTER).map(drop)
+        self.measure_by_ping(deadline, REPEAT_AFTER)
     }
 
-    /// Whether the gateway has restarted since the ping before.
     fn measure_by_ping(
         &mut self,
         deadline: Duration,
         repeat_after: Duration,
-    ) -> Result<bool, ClientError> {
+    ) -> Result<(), ClientError> {
         let (pong, sent) = self.exchange(&Ping {}, deadline, repeat_after)?;
-        Ok(self.clock.measure(sent, self.transport.now(), pong.time_us))
+        self.clock.measure(sent, self.transport.now(), pong.time_us);
+        Ok(())
+    }
+
+    /// Begins a session, and what was subscribed to in it, with a gateway that a ping has shown to
+    /// have restarted behind an open connection: without one it tells no events.
+    fn greet_anew(&mut self) -> Result<(), ClientError> {
+        if !self.clock.has_restarted() {
+            return Ok(());
+        }
+        let subscription = self.subscription;
+        self.say_hello()?;
+        subscription.map_or(Ok(()), |subscription| self.subscribe_as(subscription))
     }
 
     /// Pings if the last measure of the gateway's clock is older than [`CLOCK_VALID_FOR`]: again
-    /// soon, where a setpoint waits for it.
+    /// soon, where a setpoint waits for it. With a gateway that has restarted a new session begins.
     ///
     /// # Errors
     /// As [`request_within`](Self::request_within).
     pub fn refresh_clock(&mut self) -> Result<(), ClientError> {
-        if self.clock.age(self.transport.now()) < CLOCK_VALID_FOR {
-            return Ok(());
+        if self.clock.age(self.transport.now()) >= CLOCK_VALID_FOR {
+            self.measure_by_ping(DEADLINE, REPEAT_MOVE_AFTER)?;
         }
-        self.measure_by_ping(DEADLINE, REPEAT_MOVE_AFTER).map(drop)
+        self.greet_anew()
     }
 
     /// Pings if nothing was sent for [`KEEP_ALIVE_AFTER`]. Called often enough, it keeps authority
-    /// alive; it feeds no setpoint.
+    /// alive; it feeds no setpoint. With a gateway that has restarted a new session begins.
     ///
     /// # Errors
     /// As [`request_within`](Self::request_within).
     pub fn keep_alive(&mut self) -> Result<(), ClientError> {
-        if self.transport.now().saturating_sub(self.last_sent) < KEEP_ALIVE_AFTER {
-            return Ok(());
+        if self.transport.now().saturating_sub(self.last_sent) >= KEEP_ALIVE_AFTER {
+            self.ping()?;
         }
-        self.ping()
+        self.greet_anew()
     }
 
     /// Subscribes, and remembers it for [`keep_subscription`](Self::keep_subscription).
@@ -338,14 +350,12 @@ impl<T: Transport> Client<T> {
             Some(subscription) if quiet >= SUBSCRIPTION_MAY_HAVE_ENDED_AFTER => {
                 self.request(&subscription).map(drop)
             }
-            // Only a ping tells of a restart.
-            _ if self.clock.age(now) < KEEP_SUBSCRIPTION_AFTER => Ok(()),
-            subscription => {
-                if !self.measure_by_ping(DEADLINE, REPEAT_AFTER)? {
-                    return Ok(());
+            _ => {
+                // Only a ping tells of a restart.
+                if self.clock.age(now) >= KEEP_SUBSCRIPTION_AFTER {
+                    self.ping()?;
                 }
-                self.say_hello()?;
-                subscription.map_or(Ok(()), |subscription| self.subscribe_as(subscription))
+                self.greet_anew()
             }
         }
     }

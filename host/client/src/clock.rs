@@ -7,6 +7,9 @@ use std::time::Duration;
 const SAMPLES: usize = 8;
 /// By how much the two clocks may drift apart, in millionths: ten times what two crystals do.
 const DRIFT_PPM: u64 = 1_000;
+/// A gateway whose clock stands further back than this part of the time since the last exchange has
+/// restarted; one whose clock runs slow, by its chip's oscillator, has not.
+const SLOW_PART: u64 = 16;
 /// Millionths of one.
 const PPM: u64 = 1_000_000;
 
@@ -22,31 +25,44 @@ struct Sample {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Clock {
     samples: VecDeque<Sample>,
+    /// The gateway has restarted since it was last greeted.
+    has_restarted: bool,
 }
 
 impl Clock {
     /// Takes in one exchange: request sent and reply received in transport time, and the gateway
-    /// time in the reply. Whether the gateway has restarted since the last: its clock stands
-    /// before what it was.
-    pub(crate) fn measure(&mut self, sent: Duration, received: Duration, gateway_us: u64) -> bool {
+    /// time in the reply.
+    pub(crate) fn measure(&mut self, sent: Duration, received: Duration, gateway_us: u64) {
         let sample = Sample { sent_us: micros(sent), received_us: micros(received), gateway_us };
         // The gateway's clock never jumps: an exchange that contradicts the others comes from a
         // gateway that restarted.
         let round_trip = sample.received_us.saturating_sub(sample.sent_us);
-        let has_restarted = self.earliest_us(received) > gateway_us.saturating_add(round_trip);
-        if has_restarted || self.latest_us(received).is_some_and(|latest| gateway_us > latest) {
+        let back = self.earliest_us(received).saturating_sub(gateway_us.saturating_add(round_trip));
+        let slow = self.samples.back().map_or(0, |_| micros(self.age(received)) / SLOW_PART);
+        self.has_restarted |= back > slow;
+        if back > 0 || self.latest_us(received).is_some_and(|latest| gateway_us > latest) {
             self.samples.clear();
         }
         if self.samples.len() == SAMPLES {
             self.samples.pop_front();
         }
         self.samples.push_back(sample);
-        has_restarted
+    }
+
+    /// Whether the gateway has restarted since it was last greeted: its clock stands before what it
+    /// was.
+    pub(crate) fn has_restarted(&self) -> bool {
+        self.has_restarted
+    }
+
+    /// The gateway has been greeted.
+    pub(crate) fn greeted(&mut self) {
+        self.has_restarted = false;
     }
 
     /// Forgets everything: the next exchange may be with another gateway.
     pub(crate) fn reset(&mut self) {
-        self.samples.clear();
+        *self = Self::default();
     }
 
     /// How long the last exchange is ago; for ever before the first.
@@ -158,9 +174,23 @@ mod tests {
     #[test]
     fn a_gateway_that_restarted_is_believed_at_once() {
         let mut clock = Clock::default();
-        assert!(!clock.measure(at(0), at(1_000), 90_000_000));
-        assert!(clock.measure(at(80_000), at(81_000), 4_000));
+        clock.measure(at(0), at(1_000), 90_000_000);
+        assert!(!clock.has_restarted());
+        clock.measure(at(80_000), at(81_000), 4_000);
+        assert!(clock.has_restarted());
         assert_eq!(clock.earliest_us(at(81_000)), 4_000);
         assert_eq!(clock.latest_us(at(81_000)), Some(5_001));
+    }
+    /// A session that it began anew would end what it moves.
+    #[test]
+    fn a_gateway_whose_clock_runs_slow_has_not_restarted() {
+        let mut clock = Clock::default();
+        for second in 0..100 {
+            clock.measure(at(second * 1_000_000), at(second * 1_000_000 + 100), second * 950_000);
+        }
+        assert!(!clock.has_restarted());
+        clock.greeted();
+        clock.measure(at(100_000_000), at(100_000_100), 300_000);
+        assert!(clock.has_restarted());
     }
 }

@@ -126,6 +126,41 @@ fn a_gateway_that_restarts_behind_an_open_line_is_subscribed_to_again() {
     assert_eq!(rounds(&mut client), (0, 0));
 }
 
+/// Whatever asks for its time first: without a session it would tell no events.
+#[test]
+fn a_gateway_that_restarts_behind_an_open_line_is_greeted_again() {
+    const SETPOINT: Setpoint = Setpoint::Signal { fraction: 0.1 };
+    let ways: [fn(&mut Client<Scripted>); 3] = [
+        |client| client.keep_alive().unwrap(),
+        |client| client.set(0, 1, SETPOINT, TTL).unwrap(),
+        |client| {
+            client.ping().unwrap();
+            client.keep_subscription().unwrap();
+        },
+    ];
+    for way in ways {
+        let restarted = Rc::new(Cell::new(0));
+        let back_us = restarted.clone();
+        let (_, mut client, notes) = with(move |heard| {
+            let Heard { sequence, times, .. } = *heard;
+            let time_us = heard.time_us - back_us.get();
+            Some(healthy(&Heard { sequence, request: heard.request.clone(), time_us, times }))
+        });
+        let greeted = |client: &mut Client<Scripted>| {
+            notes.borrow_mut().clear();
+            for _ in 0..10 {
+                client.pause(Duration::from_millis(100)).unwrap();
+                way(client);
+            }
+            times(&notes, "Hello").len()
+        };
+        assert_eq!(greeted(&mut client), 0);
+        restarted.set(4_000_000);
+        assert_eq!(greeted(&mut client), 1);
+        assert_eq!(greeted(&mut client), 0);
+    }
+}
+
 /// Whatever a caller makes of an error in its round: what was kept up has ended.
 #[test]
 fn a_hold_whose_line_fails_in_a_round_is_over() {
