@@ -222,11 +222,14 @@ extern "C" {
 #endif // __cplusplus
 
 // Arms so many axes in one epoch, all of them or none, and writes the epoch to `epoch`. It takes
-// the right to command. Steps that the motors need take up to some hundreds of milliseconds.
+// the right to command. 32 at most. Steps that the motors need take up to some hundreds of milliseconds.
 //
 // # Safety
 // `axes` is null or the first of `count` numbers; `epoch` is null or a place for a number.
-mgw_result mgw_arm(mgw_gateway *gateway, const uint8_t *axes, size_t count, uint32_t *epoch);
+mgw_result mgw_arm(mgw_gateway *gateway,
+                   const uint8_t *axes,
+                   size_t count,
+                   uint32_t *epoch);
 
 // Ends the permission to move, through the stop action of the axis.
 mgw_result mgw_disarm(mgw_gateway *gateway, uint8_t axis);
@@ -243,8 +246,8 @@ mgw_result mgw_set(mgw_gateway *gateway,
 
 // Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and
 // waits until every motor has answered or its own time is over. Where `states` is not null, the
-// state of each is written there, in the order of the setpoints; `count` of them must fit. Call it
-// again before the setpoints expire.
+// state of each is written there, in the order of the setpoints; `count` of them must fit, which is
+// 16 at most. Call it again before the setpoints expire.
 //
 // # Safety
 // `setpoints` is null or the first of `count`; `states` is null or the first of `count` places.

@@ -18,17 +18,21 @@ pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<Option<&'a str>, Fa
     text.to_str().map(Some).map_err(|_| Failure::argument("the text is no UTF-8"))
 }
 
-/// Elements that are read.
+/// Elements that are read, `most` of them at most: none is looked at where there are more.
 ///
 /// # Safety
 /// `first` is null or the first of so many that nobody changes meanwhile.
 pub(crate) unsafe fn elements<'a, T>(
     first: *const T,
     count: usize,
+    most: usize,
     what: &str,
 ) -> Result<&'a [T], Failure> {
     match count {
         0 => Err(Failure::argument(format!("{what}: 1 at least"))),
+        _ if count > most => {
+            Err(Failure::argument(format!("{what}: {count} are too many, {most} at most")))
+        }
         _ if first.is_null() => Err(Failure::argument(format!("{what}: the pointer is null"))),
         // Safety: as promised.
         _ => Ok(unsafe { slice::from_raw_parts(first, count) }),

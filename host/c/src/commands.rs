@@ -2,19 +2,22 @@
 
 use std::time::Duration;
 
-use host_protocol::{ClearTarget, StateField, StateFields, StopTarget};
+use host_protocol::{ClearTarget, MAX_CYCLE_AXES, StateField, StateFields, StopTarget};
 
 use crate::arguments::{elements, put};
 use crate::connection::{mgw_gateway, with};
 use crate::error::{Failure, mgw_result};
 use crate::values::{mgw_axis, mgw_setpoint};
 
+/// As many as a request has bits for.
+const AXES: usize = 32;
+
 fn ttl(ttl_us: u32) -> Duration {
     Duration::from_micros(ttl_us.into())
 }
 
 /// Arms so many axes in one epoch, all of them or none, and writes the epoch to `epoch`. It takes
-/// the right to command. Steps that the motors need take up to some hundreds of milliseconds.
+/// the right to command. 32 at most. Steps that the motors need take up to some hundreds of milliseconds.
 ///
 /// # Safety
 /// `axes` is null or the first of `count` numbers; `epoch` is null or a place for a number.
@@ -28,7 +31,7 @@ pub unsafe extern "C" fn mgw_arm(
     // Safety: as the caller promises.
     unsafe {
         with(gateway, |client| {
-            let armed = client.arm_together(elements(axes, count, "axes")?)?;
+            let armed = client.arm_together(elements(axes, count, AXES, "axes")?)?;
             put(epoch, armed);
             Ok(())
         })
@@ -67,8 +70,8 @@ pub unsafe extern "C" fn mgw_set(
 
 /// Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and
 /// waits until every motor has answered or its own time is over. Where `states` is not null, the
-/// state of each is written there, in the order of the setpoints; `count` of them must fit. Call it
-/// again before the setpoints expire.
+/// state of each is written there, in the order of the setpoints; `count` of them must fit, which is
+/// 16 at most. Call it again before the setpoints expire.
 ///
 /// # Safety
 /// `setpoints` is null or the first of `count`; `states` is null or the first of `count` places.
@@ -84,7 +87,7 @@ pub unsafe extern "C" fn mgw_cycle(
     // Safety: as the caller promises.
     unsafe {
         with(gateway, |client| {
-            let given = elements(setpoints, count, "setpoints")?;
+            let given = elements(setpoints, count, MAX_CYCLE_AXES, "setpoints")?;
             let read = given.iter().map(mgw_setpoint::read).collect::<Result<Vec<_>, _>>()?;
             let told = client.cycle(epoch, &read, StateFields::of(StateField::ALL), ttl(ttl_us))?;
             for (at, setpoint) in given.iter().enumerate().filter(|_| !states.is_null()) {

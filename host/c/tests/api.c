@@ -68,6 +68,7 @@ int main(int count, char **arguments) {
     CHECK(mgw_time_us(gateway) > 0);
     CHECK(mgw_arm(gateway, NULL, 2, &epoch) == MGW_RESULT_WRONG_ARGUMENT && says("axes: the pointer is null"));
     CHECK(mgw_arm(gateway, axes, 0, &epoch) == MGW_RESULT_WRONG_ARGUMENT && says("1 at least"));
+    CHECK(mgw_arm(gateway, axes, 33, &epoch) == MGW_RESULT_WRONG_ARGUMENT && says("axes: 33 are too many, 32 at most"));
     CHECK(mgw_arm(gateway, twice, 2, &epoch) == MGW_RESULT_WRONG_ARGUMENT && says("named twice"));
     CHECK(mgw_arm(gateway, far, 1, &epoch) == MGW_RESULT_WRONG_ARGUMENT);
     CHECK(mgw_read(gateway, 31, &axis) == MGW_RESULT_REFUSED && says("axis 31 lacks bus"));
@@ -86,6 +87,9 @@ int main(int count, char **arguments) {
     };
     mgw_axis states[2];
     CHECK(mgw_cycle(gateway, epoch, NULL, 2, 100000, states) == MGW_RESULT_WRONG_ARGUMENT);
+    CHECK(mgw_cycle(gateway, epoch, setpoints, 17, 100000, NULL) == MGW_RESULT_WRONG_ARGUMENT && says("16 at most"));
+    CHECK(mgw_cycle(gateway, epoch, setpoints, SIZE_MAX, 100000, NULL) == MGW_RESULT_WRONG_ARGUMENT);
+    CHECK(says("too many"));
     for (int cycle = 0; cycle < 50; cycle++) {
         CHECK(mgw_cycle(gateway, epoch, setpoints, 2, 1000000, states) == MGW_RESULT_OK);
         // In the order of the setpoints.
