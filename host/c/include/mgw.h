@@ -282,9 +282,9 @@ mgw_result mgw_clear_gateway(mgw_gateway *gateway);
 // Switches the output of a holding motor off: it lets go.
 mgw_result mgw_output_off(mgw_gateway *gateway, uint8_t axis);
 
-// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is
-// a serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null: the running `mgw serve` of
-// this user.
+// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back, or null
+// where it fails. `port` is a serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null:
+// the running `mgw serve` of this user.
 //
 // # Safety
 // `port` is null or a text with a zero behind it; `gateway` is a place for a pointer.

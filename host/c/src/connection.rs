@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::c_char;
-use std::ptr::without_provenance_mut;
+use std::ptr::{null_mut, without_provenance_mut};
 use std::sync::{Arc, Mutex, PoisonError, RwLock, TryLockError};
 
 use mgw_client::{Transport, open, server_port};
@@ -71,9 +71,9 @@ fn hold<R>(
     if taken.client.is_none() { Err(refused(closed)) } else { act(&mut taken.client) }
 }
 
-/// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back. `port` is
-/// a serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null: the running `mgw serve` of
-/// this user.
+/// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back, or null
+/// where it fails. `port` is a serial device, `DEVICE@RATE`, `tcp:HOST:PORT` or `unix:PATH`; null:
+/// the running `mgw serve` of this user.
 ///
 /// # Safety
 /// `port` is null or a text with a zero behind it; `gateway` is a place for a pointer.
@@ -87,6 +87,8 @@ pub unsafe extern "C" fn mgw_connect(
             return Err(Failure::argument("gateway: the pointer is null"));
         }
         // Safety: as the caller promises.
+        unsafe { put(gateway, null_mut()) };
+        // Safety: likewise.
         let port = match unsafe { text(port) }? {
             Some(port) => port.to_owned(),
             None => server_port().ok_or_else(|| {

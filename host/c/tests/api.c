@@ -57,6 +57,7 @@ int main(int count, char **arguments) {
     // Nothing was connected, or not to what was meant.
     CHECK(mgw_error_text()[0] == '\0' && mgw_error_number() == 0);
     CHECK(mgw_connect("tcp:127.0.0.1:1", &gateway) == MGW_RESULT_LOST && gateway == NULL);
+    gateway = (mgw_gateway *)(void *)&axis;
     CHECK(mgw_connect("tcp:nowhere", &gateway) == MGW_RESULT_LOST && gateway == NULL);
     CHECK(mgw_connect("\xff\xfe", &gateway) == MGW_RESULT_WRONG_ARGUMENT && says("no UTF-8"));
     CHECK(mgw_connect(arguments[1], NULL) == MGW_RESULT_WRONG_ARGUMENT && says("the pointer is null"));
