@@ -12,8 +12,12 @@ use crate::values::{mgw_axis, mgw_setpoint};
 /// As many as a request has bits for.
 const AXES: usize = 32;
 
-fn ttl(ttl_us: u32) -> Duration {
-    Duration::from_micros(ttl_us.into())
+/// Without any time nothing would be sent.
+fn ttl(ttl_us: u32) -> Result<Duration, Failure> {
+    match ttl_us {
+        0 => Err(Failure::argument("ttl_us: 1 at least, the axis's ttl_us at most")),
+        _ => Ok(Duration::from_micros(ttl_us.into())),
+    }
 }
 
 /// Arms so many axes in one epoch, all of them or none, and writes the epoch to `epoch`. It takes
@@ -63,7 +67,7 @@ pub unsafe extern "C" fn mgw_set(
                 .as_ref()
                 .ok_or_else(|| Failure::argument("setpoint: the pointer is null"))?;
             let of = setpoint.read()?;
-            Ok(client.set(of.axis, epoch, of.setpoint, ttl(ttl_us))?)
+            Ok(client.set(of.axis, epoch, of.setpoint, ttl(ttl_us)?)?)
         })
     }
 }
@@ -89,7 +93,8 @@ pub unsafe extern "C" fn mgw_cycle(
         with(gateway, |client| {
             let given = elements(setpoints, count, MAX_CYCLE_AXES, "setpoints")?;
             let read = given.iter().map(mgw_setpoint::read).collect::<Result<Vec<_>, _>>()?;
-            let told = client.cycle(epoch, &read, StateFields::of(StateField::ALL), ttl(ttl_us))?;
+            let told =
+                client.cycle(epoch, &read, StateFields::of(StateField::ALL), ttl(ttl_us)?)?;
             for (at, setpoint) in given.iter().enumerate().filter(|_| !states.is_null()) {
                 let state = told.iter().find(|state| state.axis == setpoint.axis);
                 let missing = || Failure::argument("the gateway's answer lacks an axis");

@@ -100,6 +100,8 @@ int main(int count, char **arguments) {
     CHECK(mgw_cycle(gateway, epoch, setpoints, 2, 1000000, NULL) == MGW_RESULT_OK);
     CHECK(mgw_set(gateway, epoch, NULL, 1000000) == MGW_RESULT_WRONG_ARGUMENT);
     CHECK(mgw_set(gateway, epoch, &setpoints[1], 1000000) == MGW_RESULT_OK);
+    CHECK(mgw_set(gateway, epoch, &setpoints[1], 0) == MGW_RESULT_WRONG_ARGUMENT && says("ttl_us: 1 at least"));
+    CHECK(mgw_cycle(gateway, epoch, setpoints, 2, 0, states) == MGW_RESULT_WRONG_ARGUMENT);
     CHECK(mgw_set(gateway, epoch + 1, &setpoints[1], 1000000) == MGW_RESULT_REFUSED && mgw_error_number() != 0);
     setpoints[0].mode = 5;
     CHECK(mgw_cycle(gateway, epoch, setpoints, 2, 1000000, states) == MGW_RESULT_WRONG_ARGUMENT);
