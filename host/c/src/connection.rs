@@ -92,7 +92,7 @@ pub unsafe extern "C" fn mgw_connect(
         let port = match unsafe { text(port) }? {
             Some(port) => port.to_owned(),
             None => server_port().ok_or_else(|| {
-                Failure::argument("no `mgw serve` of this user runs; name the port of the gateway")
+                Failure::lost("no `mgw serve` of this user runs; name the port of the gateway")
             })?,
         };
         let transport = open(&port).map_err(mgw_client::ClientError::Connect)?;

@@ -38,6 +38,11 @@ impl Failure {
     pub(crate) fn argument(text: impl Into<String>) -> Self {
         Self { result: mgw_result::WrongArgument, number: 0, text: text.into() }
     }
+
+    /// The connection could not be made.
+    pub(crate) fn lost(text: impl Into<String>) -> Self {
+        Self { result: mgw_result::Lost, ..Self::argument(text) }
+    }
 }
 
 impl From<ClientError> for Failure {

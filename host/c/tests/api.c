@@ -60,6 +60,8 @@ int main(int count, char **arguments) {
     gateway = (mgw_gateway *)(void *)&axis;
     CHECK(mgw_connect("tcp:nowhere", &gateway) == MGW_RESULT_LOST && gateway == NULL);
     CHECK(mgw_connect("\xff\xfe", &gateway) == MGW_RESULT_WRONG_ARGUMENT && says("no UTF-8"));
+    CHECK(setenv("MGW_SOCKET", "/nowhere", 1) == 0);
+    CHECK(mgw_connect(NULL, &gateway) == MGW_RESULT_LOST && says("name the port"));
     CHECK(mgw_connect(arguments[1], NULL) == MGW_RESULT_WRONG_ARGUMENT && says("the pointer is null"));
     CHECK(mgw_stop_all(NULL) == MGW_RESULT_WRONG_ARGUMENT && says("the handle is null"));
     CHECK(mgw_arm(NULL, axes, 2, &epoch) == MGW_RESULT_WRONG_ARGUMENT);
