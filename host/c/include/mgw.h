@@ -209,7 +209,8 @@ typedef struct {
   uint32_t kind;
   // The number of the event in PROTOCOL.md.
   uint16_t number;
-  // Events that were lost before this one.
+  // Events that were lost since the call before: in the gateway, on the way, or here, where 1024
+  // wait to be read.
   uint32_t dropped;
   // Gateway time, µs.
   uint64_t time_us;

@@ -19,10 +19,17 @@ pub struct mgw_gateway {
 
 type Client = mgw_client::Client<Box<dyn Transport + Send>>;
 
+/// A session with a gateway.
+pub(crate) struct Session {
+    pub(crate) client: Client,
+    /// Of the events that were lost on the way here, how many have been told.
+    pub(crate) told_lost: u64,
+}
+
 /// What a handle stands for.
 struct Connection {
     /// `None` once it is closed.
-    client: Option<Client>,
+    session: Option<Session>,
     /// The process that made it: a child of it has the same memory, and the same cable.
     process: u32,
 }
@@ -34,7 +41,8 @@ static OPEN: RwLock<(usize, BTreeMap<usize, Arc<Mutex<Connection>>>)> =
 
 /// Takes a connection in and returns its handle.
 fn keep(client: Client) -> *mut mgw_gateway {
-    let connection = Connection { client: Some(client), process: std::process::id() };
+    let session = Some(Session { client, told_lost: 0 });
+    let connection = Connection { session, process: std::process::id() };
     let mut open = OPEN.write().unwrap_or_else(PoisonError::into_inner);
     open.0 += 1;
     let handle = open.0;
@@ -45,7 +53,7 @@ fn keep(client: Client) -> *mut mgw_gateway {
 /// Does something with what a handle stands for, unless that is refused.
 fn hold<R>(
     gateway: *const mgw_gateway,
-    act: impl FnOnce(&mut Option<Client>) -> Result<R, Failure>,
+    act: impl FnOnce(&mut Option<Session>) -> Result<R, Failure>,
 ) -> Result<R, Failure> {
     let refused = |why: &str| Failure::argument(format!("gateway: {why}"));
     if gateway.is_null() {
@@ -68,7 +76,7 @@ fn hold<R>(
         let forked = "the handle belongs to the process that made it; connect anew after a fork";
         return Err(refused(forked));
     }
-    if taken.client.is_none() { Err(refused(closed)) } else { act(&mut taken.client) }
+    if taken.session.is_none() { Err(refused(closed)) } else { act(&mut taken.session) }
 }
 
 /// Connects to a gateway and writes a handle to `gateway`, which `mgw_close` takes back, or null
@@ -111,9 +119,9 @@ pub extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
     if gateway.is_null() {
         return mgw_result::Ok;
     }
-    ended(hold(gateway, |client| {
+    ended(hold(gateway, |session| {
         OPEN.write().unwrap_or_else(PoisonError::into_inner).1.remove(&gateway.addr());
-        let Some(mut client) = client.take() else { return Ok(()) };
+        let Some(Session { mut client, .. }) = session.take() else { return Ok(()) };
         let stopped = client.stop_armed();
         // Another host may be in command, and that is well.
         let _ = client.release_authority();
@@ -132,7 +140,8 @@ pub extern "C" fn mgw_keep_alive(gateway: *mut mgw_gateway) -> mgw_result {
 /// that this thread can use.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_time_us(gateway: *const mgw_gateway) -> u64 {
-    hold(gateway, |client| Ok(client.as_ref().map_or(0, Client::gateway_now_us))).unwrap_or(0)
+    let time = |session: &Session| session.client.gateway_now_us();
+    hold(gateway, |session| Ok(session.as_ref().map_or(0, time))).unwrap_or(0)
 }
 
 /// Does something with a connection.
@@ -140,5 +149,13 @@ pub(crate) fn with(
     gateway: *mut mgw_gateway,
     act: impl FnOnce(&mut Client) -> Result<(), Failure>,
 ) -> mgw_result {
-    ended(hold(gateway, |client| client.as_mut().map_or(Ok(()), act)))
+    with_session(gateway, |session| act(&mut session.client))
+}
+
+/// Does something with a session.
+pub(crate) fn with_session(
+    gateway: *mut mgw_gateway,
+    act: impl FnOnce(&mut Session) -> Result<(), Failure>,
+) -> mgw_result {
+    ended(hold(gateway, |session| session.as_mut().map_or(Ok(()), act)))
 }

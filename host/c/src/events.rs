@@ -5,7 +5,7 @@ use std::time::Duration;
 use host_protocol::{Event, EventMessage};
 
 use crate::arguments::put;
-use crate::connection::{mgw_gateway, with};
+use crate::connection::{Session, mgw_gateway, with_session};
 use crate::error::mgw_result;
 use crate::values::{mgw_axis, mgw_trip_reason};
 
@@ -43,7 +43,8 @@ pub struct mgw_event {
     pub kind: u32,
     /// The number of the event in PROTOCOL.md.
     pub number: u16,
-    /// Events that were lost before this one.
+    /// Events that were lost since the call before: in the gateway, on the way, or here, where 1024
+    /// wait to be read.
     pub dropped: u32,
     /// Gateway time, µs.
     pub time_us: u64,
@@ -98,9 +99,16 @@ pub unsafe extern "C" fn mgw_poll_event(
 ) -> mgw_result {
     // Safety: as the caller promises.
     unsafe {
-        with(gateway, |client| {
+        with_session(gateway, |session| {
+            let Session { client, told_lost } = session;
             let message = client.poll_event(Duration::from_micros(timeout_us.into()))?;
-            put(event, mgw_event::from(message));
+            let mut told = mgw_event::from(message);
+            let losses = client.losses();
+            let lost = losses.events_lost + losses.events_dropped;
+            let lost_since = u32::try_from(lost - *told_lost).unwrap_or(u32::MAX);
+            told.dropped = told.dropped.saturating_add(lost_since);
+            *told_lost = lost;
+            put(event, told);
             Ok(())
         })
     }
