@@ -123,7 +123,7 @@ typedef enum {
   MGW_EVENT_KIND_NONE = 0,
   // An axis tripped: `axis.trip` says why.
   MGW_EVENT_KIND_TRIPPED = 1,
-  // A stop is confirmed.
+  // A stop is confirmed: `axis.stop_confirmed`.
   MGW_EVENT_KIND_STOP_CONFIRMED = 2,
   // An axis is in another state: `axis.state`.
   MGW_EVENT_KIND_STATE_CHANGED = 3,
@@ -214,7 +214,8 @@ typedef struct {
   uint32_t dropped;
   // Gateway time, µs.
   uint64_t time_us;
-  // The axis that it is of, as far as it is told; `axis.axis` is 255 where it is of none.
+  // The axis that it is of; `axis.axis` is 255 where it is of none. Of the rest only what the kind
+  // names counts.
   mgw_axis axis;
 } mgw_event;
 

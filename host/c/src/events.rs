@@ -17,7 +17,7 @@ pub enum mgw_event_kind {
     None = 0,
     /// An axis tripped: `axis.trip` says why.
     Tripped = 1,
-    /// A stop is confirmed.
+    /// A stop is confirmed: `axis.stop_confirmed`.
     StopConfirmed = 2,
     /// An axis is in another state: `axis.state`.
     StateChanged = 3,
@@ -48,7 +48,8 @@ pub struct mgw_event {
     pub dropped: u32,
     /// Gateway time, µs.
     pub time_us: u64,
-    /// The axis that it is of, as far as it is told; `axis.axis` is 255 where it is of none.
+    /// The axis that it is of; `axis.axis` is 255 where it is of none. Of the rest only what the kind
+    /// names counts.
     pub axis: mgw_axis,
 }
 
@@ -69,7 +70,10 @@ impl From<Option<EventMessage>> for mgw_event {
                 let axis = mgw_axis { trip: reason, ..mgw_axis::in_state(*axis, tripped) };
                 (mgw_event_kind::Tripped, axis)
             }
-            Event::StopConfirmed { axis, .. } => (mgw_event_kind::StopConfirmed, of(*axis)),
+            Event::StopConfirmed { axis, .. } => {
+                let axis = mgw_axis { stop_confirmed: true, ..of(*axis) };
+                (mgw_event_kind::StopConfirmed, axis)
+            }
             Event::StateChanged { axis, state } => {
                 (mgw_event_kind::StateChanged, mgw_axis::in_state(*axis, *state))
             }

@@ -120,7 +120,7 @@ int main(int count, char **arguments) {
         CHECK(mgw_poll_event(gateway, 1000000, &event) == MGW_RESULT_OK);
         told |= event.kind == MGW_EVENT_KIND_STOP_CONFIRMED && event.axis.axis == 0;
     } while (!told && event.kind != MGW_EVENT_KIND_NONE);
-    CHECK(told && event.number != 0 && event.time_us > 0);
+    CHECK(told && event.axis.stop_confirmed && event.number != 0 && event.time_us > 0);
     CHECK(mgw_output_off(gateway, 0) == MGW_RESULT_OK);
     CHECK(becomes(gateway, 0, MGW_STATE_IDLE, &axis));
     CHECK(mgw_disarm(gateway, 1) == MGW_RESULT_OK);
