@@ -266,13 +266,16 @@ mgw_result mgw_cycle(mgw_gateway *gateway,
 // `axis_state` is null or a place for it.
 mgw_result mgw_read(mgw_gateway *gateway, uint8_t axis, mgw_axis *axis_state);
 
-// Stops an axis; needs no right to command. It is repeated until it is answered.
-mgw_result mgw_stop(mgw_gateway *gateway, uint8_t axis);
+// Stops an axis; needs no right to command. It is repeated until it is answered, for 3 s at most. OK
+// says that the gateway has taken it: that the motor has stopped is told by
+// `MGW_EVENT_KIND_STOP_CONFIRMED`, that it has not by a trip.
+mgw_result mgw_stop(mgw_gateway *gateway,
+                    uint8_t axis);
 
-// Stops every axis; needs no right to command.
+// Stops every axis; needs no right to command. As `mgw_stop`.
 mgw_result mgw_stop_all(mgw_gateway *gateway);
 
-// Emergency stop: everything stops, and nothing arms until `mgw_clear_gateway`.
+// Emergency stop: everything stops, and nothing arms until `mgw_clear_gateway`. As `mgw_stop`.
 mgw_result mgw_estop(mgw_gateway *gateway);
 
 // Clears the trip of an axis whose stop is confirmed and whose cause is gone. Never arms.
@@ -292,8 +295,9 @@ mgw_result mgw_output_off(mgw_gateway *gateway, uint8_t axis);
 // `port` is null or a text with a zero behind it; `gateway` is a place for a pointer.
 mgw_result mgw_connect(const char *port, mgw_gateway **gateway);
 
-// Stops what was armed over this handle and disconnects. The handle is gone whatever comes back,
-// unless it was refused as an argument; null does nothing.
+// Stops what was armed over this handle, as `mgw_stop` does, and disconnects without waiting for the
+// motors. The handle is gone whatever comes back, unless it was refused as an argument; null does
+// nothing.
 mgw_result mgw_close(mgw_gateway *gateway);
 
 // Keeps the right to command while nothing else is asked: the gateway takes it away, and trips

@@ -125,19 +125,21 @@ pub unsafe extern "C" fn mgw_read(
     }
 }
 
-/// Stops an axis; needs no right to command. It is repeated until it is answered.
+/// Stops an axis; needs no right to command. It is repeated until it is answered, for 3 s at most. OK
+/// says that the gateway has taken it: that the motor has stopped is told by
+/// `MGW_EVENT_KIND_STOP_CONFIRMED`, that it has not by a trip.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_stop(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {
     with(gateway, |client| Ok(client.stop(StopTarget::Axis(axis))?))
 }
 
-/// Stops every axis; needs no right to command.
+/// Stops every axis; needs no right to command. As `mgw_stop`.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_stop_all(gateway: *mut mgw_gateway) -> mgw_result {
     with(gateway, |client| Ok(client.stop(StopTarget::All)?))
 }
 
-/// Emergency stop: everything stops, and nothing arms until `mgw_clear_gateway`.
+/// Emergency stop: everything stops, and nothing arms until `mgw_clear_gateway`. As `mgw_stop`.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_estop(gateway: *mut mgw_gateway) -> mgw_result {
     with(gateway, |client| Ok(client.estop()?))
