@@ -1,6 +1,6 @@
 // Two axes follow sines for a second; then nobody sends setpoints any more, and the gateway stops both.
 //
-//   mgw sim &   mgw config axis 0 ttl_us=500000   mgw config axis 1 ttl_us=500000
+//   mgw sim &
 //   cc -I ../include sine.c -lmgw -lm -o sine && ./sine tcp:127.0.0.1:7401
 #include <math.h>
 #include <stdio.h>
@@ -9,8 +9,11 @@
 
 #include "mgw.h"
 
-// How long a setpoint lives: a few periods of a loop in real time, more on a desktop. The axis allows no more than its ttl_us.
-#define TTL_US 500000u
+// How long a setpoint lives: a few periods of a loop in real time, more on a desktop. The axis allows no more than its ttl_us, and
+// where that is longer than the gateway's link_silence_us the gateway trips for the silence before.
+#ifndef TTL_US
+#define TTL_US 100000u
+#endif
 
 static mgw_gateway *gateway = NULL;
 
