@@ -34,19 +34,24 @@ struct Connection {
     process: u32,
 }
 
-/// The connections by the numbers that are their handles. None is given twice, so that a handle
-/// that was closed is not mistaken for a later one.
-static OPEN: RwLock<(usize, BTreeMap<usize, Arc<Mutex<Connection>>>)> =
-    RwLock::new((0, BTreeMap::new()));
+/// The connections by the numbers that are their handles.
+struct Handles {
+    /// The last number. None is given twice, so that a handle that was closed is not mistaken for a
+    /// later one.
+    last: usize,
+    open: BTreeMap<usize, Arc<Mutex<Connection>>>,
+}
+
+static HANDLES: RwLock<Handles> = RwLock::new(Handles { last: 0, open: BTreeMap::new() });
 
 /// Takes a connection in and returns its handle.
 fn keep(client: Client) -> *mut mgw_gateway {
     let session = Some(Session { client, told_lost: 0 });
     let connection = Connection { session, process: std::process::id() };
-    let mut open = OPEN.write().unwrap_or_else(PoisonError::into_inner);
-    open.0 += 1;
-    let handle = open.0;
-    open.1.insert(handle, Arc::new(Mutex::new(connection)));
+    let mut handles = HANDLES.write().unwrap_or_else(PoisonError::into_inner);
+    handles.last += 1;
+    let handle = handles.last;
+    handles.open.insert(handle, Arc::new(Mutex::new(connection)));
     without_provenance_mut(handle)
 }
 
@@ -59,9 +64,9 @@ fn hold<R>(
     if gateway.is_null() {
         return Err(refused("the handle is null"));
     }
-    let open = OPEN.read().unwrap_or_else(PoisonError::into_inner);
-    let found = open.1.get(&gateway.addr()).cloned();
-    drop(open);
+    let handles = HANDLES.read().unwrap_or_else(PoisonError::into_inner);
+    let found = handles.open.get(&gateway.addr()).cloned();
+    drop(handles);
     let closed = "the handle is not open: it was closed, or mgw_connect did not give it";
     let found = found.ok_or_else(|| refused(closed))?;
     let mut taken = match found.try_lock() {
@@ -121,7 +126,9 @@ pub extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
         return mgw_result::Ok;
     }
     ended(hold(gateway, |session| {
-        OPEN.write().unwrap_or_else(PoisonError::into_inner).1.remove(&gateway.addr());
+        let mut handles = HANDLES.write().unwrap_or_else(PoisonError::into_inner);
+        handles.open.remove(&gateway.addr());
+        drop(handles);
         let Some(Session { mut client, .. }) = session.take() else { return Ok(()) };
         let stopped = client.stop_armed();
         // Another host may be in command, and that is well.
