@@ -78,7 +78,7 @@ pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
             }
             #[cfg(unix)]
             Port::Unix(path) => {
-                let opened = std::os::unix::net::UnixStream::connect(path);
+                let opened = crate::unix::open(path.as_ref());
                 let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
                 let (reader, writer) = both.map_err(|source| no_server(path, source))?;
                 (Box::new(reader), Box::new(writer))
@@ -259,7 +259,11 @@ impl fmt::Display for ConnectError {
                 )
             }
             Self::Server { path, source } => {
-                write!(f, "no server at {path} ({source}). Start one with `mgw serve`")
+                let start = match source.kind() {
+                    io::ErrorKind::TimedOut => "End it, and start it again",
+                    _ => "Start one with `mgw serve`",
+                };
+                write!(f, "no server at {path} ({source}). {start}")
             }
             Self::Serial { device, baud, source } => {
                 write!(f, "cannot open {device} at {baud} bit/s ({source}). ")?;

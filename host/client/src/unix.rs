@@ -1,9 +1,12 @@
 //! A server on this computer, behind its Unix socket.
 
 use std::io::{self, Write};
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+use socket2::{Domain, SockAddr, Socket, Type};
 
 use crate::tcp::{SEND_TIMEOUT, nothing_came, read_within};
 use crate::transport::Transport;
@@ -66,8 +69,38 @@ impl Transport for UnixTransport {
     }
 }
 
-fn open(path: &std::path::Path) -> io::Result<UnixStream> {
-    let stream = UnixStream::connect(path)?;
-    stream.set_write_timeout(Some(SEND_TIMEOUT))?;
-    Ok(stream)
+/// Opens a connection. A server that hangs takes none, and its queue fills up, also with those who
+/// have gone: the time for writing is that for connecting, too.
+pub(crate) fn open(path: &Path) -> io::Result<UnixStream> {
+    let socket = Socket::new(Domain::UNIX, Type::STREAM, None)?;
+    socket.set_write_timeout(Some(SEND_TIMEOUT))?;
+    socket.connect(&SockAddr::unix(path)?).map_err(|error| match error.kind() {
+        io::ErrorKind::WouldBlock => {
+            io::Error::new(io::ErrorKind::TimedOut, "it hangs and takes no connection")
+        }
+        _ => error,
+    })?;
+    Ok(OwnedFd::from(socket).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc;
+
+    #[test]
+    fn a_server_that_takes_no_connection_is_waited_for_a_second_and_not_for_ever() {
+        let path = std::env::temp_dir().join(format!("mgw-hangs-{}", std::process::id()));
+        let _ = std::fs::remove_file(&path);
+        let listener = Socket::new(Domain::UNIX, Type::STREAM, None).unwrap();
+        listener.bind(&SockAddr::unix(&path).unwrap()).unwrap();
+        listener.listen(0).unwrap();
+        let (told, hears) = mpsc::channel();
+        let place = path.clone();
+        // The first ones fill its queue, though they go at once.
+        std::thread::spawn(move || told.send((0..8).find_map(|_| open(&place).err())));
+        let refused = hears.recv_timeout(Duration::from_secs(60));
+        let _ = std::fs::remove_file(&path);
+        assert_eq!(refused.unwrap().unwrap().kind(), io::ErrorKind::TimedOut);
+    }
 }
