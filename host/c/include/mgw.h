@@ -214,8 +214,8 @@ typedef struct {
   uint32_t dropped;
   // Gateway time, µs.
   uint64_t time_us;
-  // The axis that it is of; `axis.axis` is 255 where it is of none. Of the rest only what the kind
-  // names counts.
+  // The axis that it is of; `axis.axis` is 255 where it is of none. Of the rest only what the
+  // kind names counts.
   mgw_axis axis;
 } mgw_event;
 
@@ -223,15 +223,13 @@ typedef struct {
 extern "C" {
 #endif // __cplusplus
 
-// Arms so many axes in one epoch, all of them or none, and writes the epoch to `epoch`. It takes
-// the right to command. 32 at most. Steps that the motors need take up to some hundreds of milliseconds.
+// Arms so many axes, 32 at most, in one epoch, all of them or none, and writes the epoch to
+// `epoch`. It takes the right to command. Steps that the motors need take up to some hundreds of
+// milliseconds.
 //
 // # Safety
 // `axes` is null or the first of `count` numbers; `epoch` is null or a place for a number.
-mgw_result mgw_arm(mgw_gateway *gateway,
-                   const uint8_t *axes,
-                   size_t count,
-                   uint32_t *epoch);
+mgw_result mgw_arm(mgw_gateway *gateway, const uint8_t *axes, size_t count, uint32_t *epoch);
 
 // Ends the permission to move, through the stop action of the axis.
 mgw_result mgw_disarm(mgw_gateway *gateway, uint8_t axis);
@@ -248,8 +246,8 @@ mgw_result mgw_set(mgw_gateway *gateway,
 
 // Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and
 // waits until every motor has answered or its own time is over. Where `states` is not null, the
-// state of each is written there, in the order of the setpoints; `count` of them must fit, which is
-// 16 at most. Call it again before the setpoints expire.
+// state of each is written there, in the order of the setpoints; `count` of them must fit, which
+// is 16 at most. Call it again before the setpoints expire.
 //
 // # Safety
 // `setpoints` is null or the first of `count`; `states` is null or the first of `count` places.
@@ -266,11 +264,10 @@ mgw_result mgw_cycle(mgw_gateway *gateway,
 // `axis_state` is null or a place for it.
 mgw_result mgw_read(mgw_gateway *gateway, uint8_t axis, mgw_axis *axis_state);
 
-// Stops an axis; needs no right to command. It is repeated until it is answered, for 3 s at most. OK
-// says that the gateway has taken it: that the motor has stopped is told by
+// Stops an axis; needs no right to command. It is repeated until it is answered, for 3 s at most.
+// OK says that the gateway has taken it: that the motor has stopped is told by
 // `MGW_EVENT_KIND_STOP_CONFIRMED`, that it has not by a trip.
-mgw_result mgw_stop(mgw_gateway *gateway,
-                    uint8_t axis);
+mgw_result mgw_stop(mgw_gateway *gateway, uint8_t axis);
 
 // Stops every axis; needs no right to command. As `mgw_stop`.
 mgw_result mgw_stop_all(mgw_gateway *gateway);
@@ -295,9 +292,9 @@ mgw_result mgw_output_off(mgw_gateway *gateway, uint8_t axis);
 // `port` is null or a text with a zero behind it; `gateway` is a place for a pointer.
 mgw_result mgw_connect(const char *port, mgw_gateway **gateway);
 
-// Stops what was armed over this handle, as `mgw_stop` does, and disconnects without waiting for the
-// motors. The handle is gone whatever comes back, unless it was refused as an argument; null does
-// nothing.
+// Stops what was armed over this handle, as `mgw_stop` does, and disconnects without waiting for
+// the motors. The handle is gone whatever comes back, unless it was refused as an argument; null
+// does nothing.
 mgw_result mgw_close(mgw_gateway *gateway);
 
 // Keeps the right to command while nothing else is asked: the gateway takes it away, and trips

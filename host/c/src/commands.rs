@@ -20,8 +20,9 @@ fn ttl(ttl_us: u32) -> Result<Duration, Failure> {
     }
 }
 
-/// Arms so many axes in one epoch, all of them or none, and writes the epoch to `epoch`. It takes
-/// the right to command. 32 at most. Steps that the motors need take up to some hundreds of milliseconds.
+/// Arms so many axes, 32 at most, in one epoch, all of them or none, and writes the epoch to
+/// `epoch`. It takes the right to command. Steps that the motors need take up to some hundreds of
+/// milliseconds.
 ///
 /// # Safety
 /// `axes` is null or the first of `count` numbers; `epoch` is null or a place for a number.
@@ -74,8 +75,8 @@ pub unsafe extern "C" fn mgw_set(
 
 /// Gives so many axes that were armed together each its setpoint, which lives `ttl_us` µs, and
 /// waits until every motor has answered or its own time is over. Where `states` is not null, the
-/// state of each is written there, in the order of the setpoints; `count` of them must fit, which is
-/// 16 at most. Call it again before the setpoints expire.
+/// state of each is written there, in the order of the setpoints; `count` of them must fit, which
+/// is 16 at most. Call it again before the setpoints expire.
 ///
 /// # Safety
 /// `setpoints` is null or the first of `count`; `states` is null or the first of `count` places.
@@ -125,8 +126,8 @@ pub unsafe extern "C" fn mgw_read(
     }
 }
 
-/// Stops an axis; needs no right to command. It is repeated until it is answered, for 3 s at most. OK
-/// says that the gateway has taken it: that the motor has stopped is told by
+/// Stops an axis; needs no right to command. It is repeated until it is answered, for 3 s at most.
+/// OK says that the gateway has taken it: that the motor has stopped is told by
 /// `MGW_EVENT_KIND_STOP_CONFIRMED`, that it has not by a trip.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_stop(gateway: *mut mgw_gateway, axis: u8) -> mgw_result {

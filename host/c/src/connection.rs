@@ -117,9 +117,9 @@ pub unsafe extern "C" fn mgw_connect(
     ended(connect())
 }
 
-/// Stops what was armed over this handle, as `mgw_stop` does, and disconnects without waiting for the
-/// motors. The handle is gone whatever comes back, unless it was refused as an argument; null does
-/// nothing.
+/// Stops what was armed over this handle, as `mgw_stop` does, and disconnects without waiting for
+/// the motors. The handle is gone whatever comes back, unless it was refused as an argument; null
+/// does nothing.
 #[unsafe(no_mangle)]
 pub extern "C" fn mgw_close(gateway: *mut mgw_gateway) -> mgw_result {
     if gateway.is_null() {

@@ -48,8 +48,8 @@ pub struct mgw_event {
     pub dropped: u32,
     /// Gateway time, µs.
     pub time_us: u64,
-    /// The axis that it is of; `axis.axis` is 255 where it is of none. Of the rest only what the kind
-    /// names counts.
+    /// The axis that it is of; `axis.axis` is 255 where it is of none. Of the rest only what the
+    /// kind names counts.
     pub axis: mgw_axis,
 }
 
