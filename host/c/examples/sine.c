@@ -9,8 +9,8 @@
 
 #include "mgw.h"
 
-// How long a setpoint lives: a few periods of a loop in real time, more on a desktop. The axis allows
-// no more than its ttl_us, and what lives longer than the gateway's link_silence_us ends with that.
+// How long a setpoint lives: a few periods of a loop in real time, more on a desktop. The axis
+// allows no more than its ttl_us, and what outlives the gateway's link_silence_us ends with that.
 #ifndef TTL_US
 #define TTL_US 100000u
 #endif
