@@ -55,8 +55,8 @@ impl Part {
     }
 }
 
-/// Calls `each` with the messages of a file, each chunk of them when its checksum is right. Whether it ends as a recording that was ended does:
-/// one that was cut off has no footer.
+/// Calls `each` with the messages of a file, each chunk of them when its checksum is right. Whether
+/// it ends as a recording that was ended does: one that was cut off has no footer.
 pub fn file(
     path: &Path,
     mut each: impl FnMut(Recorded) -> Result<(), Failure>,
