@@ -66,15 +66,13 @@ impl Ask {
     /// A number that is none, or a position without a speed limit.
     pub fn setpoint(&self) -> Result<Option<(u8, Setpoint)>, String> {
         let (axis, mode, value, limit) = match *self {
-            Self::Jog { mode: Mode::Velocity | Mode::Signal, .. } | Self::Set { .. } => match *self
-            {
-                Self::Jog { axis, mode, value } => (axis, mode, value, None),
-                Self::Set { axis, mode, value, speed_limit_rad_s } => {
-                    (axis, mode, value, speed_limit_rad_s)
-                }
-                _ => return Ok(None),
-            },
+            Self::Jog { axis, mode: mode @ (Mode::Velocity | Mode::Signal), value } => {
+                (axis, mode, value, None)
+            }
             Self::Jog { .. } => return Err("a jog has velocity or signal".to_owned()),
+            Self::Set { axis, mode, value, speed_limit_rad_s } => {
+                (axis, mode, value, speed_limit_rad_s)
+            }
             _ => return Ok(None),
         };
         let value = finite("value", value)?;

@@ -208,16 +208,11 @@ impl Command<'_> {
             Ask::Unreadable => self.stop_armed(),
             Ask::Jog { axis, .. } | Ask::Set { axis, .. } => {
                 let setpoint = match ask.setpoint() {
-                    Ok(Some(_)) if !self.armed.contains_key(&axis) => {
-                        Err(format!("axis {axis} is not armed by this page: arm it first"))
-                    }
-                    Ok(Some((_, setpoint))) => Ok(setpoint),
-                    Ok(None) => return Ok(()),
-                    Err(why) => Err(why),
-                };
-                let setpoint = match setpoint {
-                    Ok(setpoint) => setpoint,
-                    Err(why) => {
+                    Ok(Some((_, setpoint))) if self.armed.contains_key(&axis) => setpoint,
+                    refused => {
+                        let why = refused.err().unwrap_or_else(|| {
+                            format!("axis {axis} is not armed by this page: arm it first")
+                        });
                         self.tell_refused(&Failure::Usage(why));
                         return self.stop_armed();
                     }
