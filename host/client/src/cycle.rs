@@ -11,6 +11,9 @@ use crate::commands::MOTOR_DEADLINE;
 use crate::error::ClientError;
 use crate::transport::Transport;
 
+/// The axes of a request are 0 to this: requests for several axes have a bit for each.
+pub const LAST_AXIS: u8 = 31;
+
 /// A setpoint for one axis of a [`cycle`](Client::cycle).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisSetpoint {
@@ -70,8 +73,8 @@ impl<T: Transport> Client<T> {
     /// [`cycle`](Self::cycle) and every [setpoint](Self::set) of them.
     ///
     /// # Errors
-    /// As [`request`](Self::request). An axis that does not exist for this protocol, 32 and up, is
-    /// [`ClientError::NamedTwice`] too, as it has no bit of its own.
+    /// As [`request`](Self::request). An axis beyond [`LAST_AXIS`] is [`ClientError::NamedTwice`]
+    /// too, as it has no bit of its own.
     pub fn arm_together(&mut self, axes: &[u8]) -> Result<u32, ClientError> {
         let request = ask::ArmTogether { axes: mask(axes.iter().copied())? };
         self.heed_interrupt(ask::ArmTogether::NUMBER)?;
@@ -150,4 +153,20 @@ fn mask(axes: impl Iterator<Item = u8>) -> Result<u32, ClientError> {
         mask |= bit.ok_or(ClientError::NamedTwice { axis })?;
     }
     Ok(mask)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_axis_has_its_bit_and_the_others_are_told_what_is_wrong() {
+        assert_eq!(mask([0, LAST_AXIS].into_iter()).unwrap(), 0x8000_0001);
+        let said = |axes: [u8; 2]| mask(axes.into_iter()).unwrap_err().to_string();
+        for axis in [32, 255] {
+            let text = format!("there is no axis {axis}: the axes of a request are 0 to 31");
+            assert_eq!(said([0, axis]), text);
+        }
+        assert_eq!(said([4, 4]), "axis 4 is named twice: name each axis of a request once");
+    }
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::io;
 use std::time::Duration;
 
+use crate::cycle::LAST_AXIS;
 use crate::port::ConnectError;
 
 /// Why a request has no result.
@@ -46,7 +47,7 @@ pub enum ClientError {
         /// Number of the reply.
         number: u16,
     },
-    /// An axis is named twice where each can be named once, or its number is above 31.
+    /// An axis is named twice where each can be named once, or its number is above [`LAST_AXIS`].
     NamedTwice {
         /// Which.
         axis: u8,
@@ -90,8 +91,8 @@ impl fmt::Display for ClientError {
                 in_words(request),
                 after.as_millis()
             ),
-            Self::NamedTwice { axis: axis @ 32.. } => {
-                write!(f, "there is no axis {axis}: the axes of a request are 0 to 31")
+            Self::NamedTwice { axis } if *axis > LAST_AXIS => {
+                write!(f, "there is no axis {axis}: the axes of a request are 0 to {LAST_AXIS}")
             }
             Self::NamedTwice { axis } => {
                 write!(f, "axis {axis} is named twice: name each axis of a request once")

@@ -64,7 +64,8 @@ pub use client::{
 };
 pub use commands::MOTOR_DEADLINE;
 pub use cycle::{
-    AxisSetpoint, make_current, make_impedance, make_position, make_signal, make_velocity,
+    AxisSetpoint, LAST_AXIS, make_current, make_impedance, make_position, make_signal,
+    make_velocity,
 };
 pub use error::ClientError;
 pub use hold::{Hold, NativeHold, Round};

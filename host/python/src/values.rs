@@ -2,7 +2,7 @@
 
 use host_protocol::{AxisState, CycleMessage, CycleResult, CycleState, StateField, StateFields};
 use mgw_cli::programs;
-use mgw_client::AxisSetpoint;
+use mgw_client::{AxisSetpoint, LAST_AXIS};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyBytes, PyDict};
 
@@ -31,9 +31,8 @@ fn state_number(state: AxisState) -> u8 {
 pub struct AxisNumber(pub u8);
 
 impl AxisNumber {
-    /// The requests for several axes have a bit for each.
-    pub const COUNT: usize = 32;
-    const LAST: u8 = 31;
+    /// So many axes can one request name.
+    pub const COUNT: usize = LAST_AXIS as usize + 1;
 }
 
 impl FromPyObject<'_, '_> for AxisNumber {
@@ -42,9 +41,9 @@ impl FromPyObject<'_, '_> for AxisNumber {
     fn extract(object: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
         // To Python, True is a 1.
         let number = if object.is_instance_of::<PyBool>() { None } else { object.extract().ok() };
-        number.filter(|number| *number <= Self::LAST).map(Self).ok_or_else(|| {
+        number.filter(|number| *number <= LAST_AXIS).map(Self).ok_or_else(|| {
             let given = shown(object);
-            usage(&format!("an axis is a number from 0 to {}, not {given}", Self::LAST))
+            usage(&format!("an axis is a number from 0 to {LAST_AXIS}, not {given}"))
         })
     }
 }
