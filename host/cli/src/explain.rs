@@ -267,6 +267,7 @@ impl Page {
             Failure::Usage(_)
             | Failure::NotMeasured { .. }
             | Failure::File { .. }
+            | Failure::Terminal(_)
             | Failure::Unwritten { .. }
             | Failure::NotReplayed { .. }
             | Failure::Undecoded { .. }

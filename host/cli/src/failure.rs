@@ -17,7 +17,7 @@ use crate::words;
 
 /// Exit code of a command that was refused or failed.
 const FAILED: u8 = 1;
-/// Exit code of wrong usage; clap uses the same.
+/// Exit code of wrong usage, and of a file that cannot be read; clap uses the same.
 const WRONG_USAGE: u8 = 2;
 /// Exit code of a stop that was sent and is not confirmed.
 const NOT_CONFIRMED: u8 = 3;
@@ -79,6 +79,8 @@ pub enum Failure {
     Demonstration(String),
     /// The server of the simulation could not start or go on.
     Server { address: String, source: io::Error },
+    /// The terminal cannot be used.
+    Terminal(io::Error),
     /// A file could not be written.
     Unwritten { path: String, source: io::Error },
     /// `mgw doctor` has found something.
@@ -116,6 +118,7 @@ impl Failure {
             Self::StopNotConfirmed { .. } | Self::StopTaken { .. } => "StopNotConfirmed",
             Self::Demonstration(_) => "Demonstration",
             Self::Server { .. } => "Server",
+            Self::Terminal(_) => "Terminal",
             Self::Unwritten { .. } => "Unwritten",
             Self::Unwell { .. } => "Unwell",
             Self::Output(_) => "Output",
@@ -183,7 +186,7 @@ impl Failure {
     /// The exit code of the program.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Usage(_) | Self::NoGateway { .. } => WRONG_USAGE,
+            Self::Usage(_) | Self::NoGateway { .. } | Self::File { .. } => WRONG_USAGE,
             Self::Configuration { findings, .. }
                 if findings.iter().all(|finding| finding.name == "Usage") =>
             {
@@ -365,6 +368,7 @@ impl fmt::Display for Failure {
             Self::File { path, source } => {
                 write!(f, "cannot read {path} ({source}). Check the path")
             }
+            Self::Terminal(error) => write!(f, "the terminal: {error}"),
             Self::NotReplayed { path, why } => write!(f, "{path}: {why}"),
             Self::FlightRecord { text } => f.write_str(text),
             Self::Undecoded { failed, total } => {
@@ -410,6 +414,8 @@ impl fmt::Display for Failure {
         }
     }
 }
+
+impl std::error::Error for Failure {}
 
 impl From<ClientError> for Failure {
     fn from(error: ClientError) -> Self {

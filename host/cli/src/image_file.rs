@@ -1,8 +1,6 @@
 //! An image of the firmware in a file: an ELF file as the compiler writes it, or the bytes of the
 //! flash.
 
-use std::fs;
-use std::io::Read;
 use std::path::Path;
 
 use firmware_image::{HEADER_OFFSET, HEADER_SIZE, Header, KEY_SIZE, NO_KEY, UNIT};
@@ -10,6 +8,7 @@ use object::Endianness;
 use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::failure::Failure;
+use crate::given;
 
 /// Images begin at multiples of this many bytes in a flash.
 const ALIGNMENT: usize = 0x400;
@@ -123,10 +122,7 @@ pub fn read_key(path: &Path) -> Result<[u8; KEY_SIZE], Failure> {
 
 /// The bytes of a file that may be an image.
 pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
-    let mut bytes = Vec::new();
-    fs::File::open(path)
-        .and_then(|file| file.take(LONGEST_FILE + 1).read_to_end(&mut bytes))
-        .map_err(|source| Failure::File { path: path.display().to_string(), source })?;
+    let bytes = given::begin(path, LONGEST_FILE + 1)?;
     if bytes.len() as u64 <= LONGEST_FILE {
         return Ok(bytes);
     }

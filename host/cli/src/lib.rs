@@ -20,6 +20,7 @@ mod find;
 pub mod flight;
 mod four_motors;
 mod frames;
+mod given;
 mod image;
 mod image_file;
 mod interrupt;
@@ -49,6 +50,7 @@ mod view;
 mod words;
 mod written;
 
+use std::error::Error as _;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -83,9 +85,12 @@ pub fn main() -> ExitCode {
 
 /// The exit code of a command; a failure is told.
 fn ended(result: Result<(), Failure>, json: bool) -> ExitCode {
-    let Err(failure) = result else { return ExitCode::SUCCESS };
+    result.map_or_else(|failure| failed(&failure, json), |()| ExitCode::SUCCESS)
+}
+
+fn failed(failure: &Failure, json: bool) -> ExitCode {
     if !failure.is_silent() {
-        tell(&failure, json);
+        tell(failure, json);
     }
     ExitCode::from(failure.exit_code())
 }
@@ -165,6 +170,10 @@ fn wrong_usage(error: &clap::Error) -> ExitCode {
     let wants_json = std::env::args().any(|argument| argument == "--json");
     if wants_json && error.kind() == ErrorKind::DisplayVersion {
         return ended(Output::new(true).object(&version()), true);
+    }
+    // Some files are read with the arguments that name them.
+    if let Some(failure) = error.source().and_then(|source| source.downcast_ref()) {
+        return failed(failure, wants_json);
     }
     if !error.use_stderr() || !wants_json {
         error.exit();

@@ -86,8 +86,8 @@ Quantities are in SI units: rad, rad/s, A, V, °C, fraction of full signal.
 Positive is counter-clockwise.
 An axis or a bus that has a name (mgw config axis 0 name=left) can be given by it instead of its number.
 An error that ends in a code, as [E-bus-off], has a page: mgw explain E-bus-off.
-Exit codes: 0 done; 1 refused or failed, a trip and a value out of its range too; 2 wrong usage;
-3 a stop was sent and is not confirmed.";
+Exit codes: 0 done; 1 refused or failed, a trip and a value out of its range too; 2 wrong usage, a
+file that cannot be read too; 3 a stop was sent and is not confirmed.";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {

@@ -29,7 +29,7 @@ pub fn run(session: &mut Session, arguments: &JogArgs) -> Result<(), Failure> {
     let forward = setpoint(session, axis, arguments)?;
     limits::check_setpoint(session, axis, forward)?;
     limits::check_setpoint(session, axis, reversed(forward))?;
-    let Some(mut keyboard) = Keyboard::open().map_err(gone)? else {
+    let Some(mut keyboard) = Keyboard::open().map_err(Failure::Terminal)? else {
         let text = "jog follows the keys of a terminal, and standard input is none; \
             `mgw set` moves without one";
         return Err(Failure::Usage(text.to_owned()));
@@ -121,13 +121,13 @@ impl Grip<'_> {
 
     /// Arming takes its time, in which the key may have been let go: waits until it comes again.
     fn confirm(&mut self, client: &mut Client<Box<dyn Transport>>) -> Result<Wish, Failure> {
-        if self.keyboard.forget_but(ends).map_err(gone)? {
+        if self.keyboard.forget_but(ends).map_err(Failure::Terminal)? {
             return Ok(Wish::End);
         }
         let since = Instant::now();
         self.held = Held::down(self.code, since);
         loop {
-            match self.wish().map_err(gone)? {
+            match self.wish().map_err(Failure::Terminal)? {
                 Wish::GoOn if self.held.came_after(since) => return Ok(Wish::GoOn),
                 Wish::GoOn => client.pause(LOOK_EVERY)?,
                 wish => return Ok(wish),
@@ -151,7 +151,7 @@ fn await_grip<'a>(
     keyboard: &'a mut Keyboard,
 ) -> Result<Option<Grip<'a>>, Failure> {
     // What was pressed while the axis stopped moves nothing.
-    if keyboard.forget_but(ends).map_err(gone)? {
+    if keyboard.forget_but(ends).map_err(Failure::Terminal)? {
         return Ok(None);
     }
     let mut held = Held::default();
@@ -160,7 +160,7 @@ fn await_grip<'a>(
         if let Some(tripped) = print_events(&mut session.client, &[axis], session.out)? {
             return Err(tripped);
         }
-        while let Some(key) = keyboard.next().map_err(gone)? {
+        while let Some(key) = keyboard.next().map_err(Failure::Terminal)? {
             if ends(key.code) {
                 return Ok(None);
             }
@@ -201,9 +201,5 @@ fn hold(
         rounds.end(moved)?;
         Ok(nothing_to_tell)
     })?;
-    wish.map_err(gone)
-}
-
-fn gone(source: io::Error) -> Failure {
-    Failure::File { path: "the terminal".to_owned(), source }
+    wish.map_err(Failure::Terminal)
 }

@@ -13,6 +13,7 @@ use super::{
 };
 use crate::config::BusKey;
 use crate::failure::Failure;
+use crate::given::{begin, unread};
 use crate::parameters;
 use crate::printable::printable;
 
@@ -40,27 +41,31 @@ pub struct File {
 }
 
 impl Source {
-    /// Reads a regular file, or standard input (`-`); otherwise what is wrong with it.
-    pub fn read(path: &str) -> Result<Self, String> {
-        let said = |error: io::Error| error.to_string();
-        let mut bytes = Vec::new();
-        if path == "-" {
-            io::stdin().lock().take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(said)?;
+    /// Reads a regular file, or standard input (`-`).
+    pub fn read(given: &str) -> Result<Self, Failure> {
+        let path = if given == "-" { "standard input" } else { given };
+        let failed = |source| unread(path, source);
+        let wrong = |what: &str| Failure::Usage(format!("{path}: {what}"));
+        let bytes = if given == "-" {
+            let mut bytes = Vec::new();
+            io::stdin().lock().take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(failed)?;
+            bytes
         } else {
             // Before it is opened: opening a pipe waits for who writes into it.
-            let metadata = fs::metadata(path).map_err(said)?;
+            let metadata = fs::metadata(path).map_err(failed)?;
             if !metadata.is_file() {
                 let kind = if metadata.is_dir() { "a directory" } else { "a pipe or a device" };
-                return Err(format!("it is {kind}; a configuration is a regular file, or `-`"));
+                let text = format!("it is {kind}; a configuration is a regular file, or `-`");
+                return Err(wrong(&text));
             }
-            let file = fs::File::open(path).map_err(said)?;
-            file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(said)?;
-        }
+            begin(path.as_ref(), MAX_FILE + 1)?
+        };
         if u64::try_from(bytes.len()).is_ok_and(|length| length > MAX_FILE) {
-            return Err(format!("it has more than {MAX_FILE} bytes, too many for a configuration"));
+            let text = format!("it has more than {MAX_FILE} bytes, too many for a configuration");
+            return Err(wrong(&text));
         }
-        let text = String::from_utf8(bytes).map_err(|error| format!("it is no text: {error}"))?;
-        let path = if path == "-" { "standard input" } else { path };
+        let text = String::from_utf8(bytes);
+        let text = text.map_err(|error| wrong(&format!("it is no text: {error}")))?;
         Ok(Self { path: printable(path).into_owned(), text })
     }
 }

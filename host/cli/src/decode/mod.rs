@@ -11,7 +11,6 @@ mod rmd;
 mod serial;
 mod thruster;
 
-use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 
 use codec::{FieldValue, Visit};
@@ -20,6 +19,7 @@ use host_protocol::CanFrame;
 
 use crate::args::{BusKind, DecodeArgs, ProtocolChoice};
 use crate::failure::Failure;
+use crate::given;
 pub use native::reply;
 
 use bus::Buses;
@@ -55,10 +55,7 @@ fn read_all<W: Write>(decoder: &mut Decoder<'_, W>, args: &DecodeArgs) -> Result
             decoder.read("standard input", io::stdin().lock())?;
             continue;
         }
-        let name = path.to_string_lossy();
-        let file =
-            File::open(path).map_err(|source| Failure::File { path: name.to_string(), source })?;
-        decoder.read(&name, file)?;
+        decoder.read(&path.to_string_lossy(), given::open(path)?)?;
     }
     Ok(())
 }
@@ -122,7 +119,6 @@ impl<'a, W: Write> Decoder<'a, W> {
 
     /// Decodes the lines of one capture.
     fn read(&mut self, name: &str, input: impl Read) -> Result<(), Failure> {
-        let failed = |source| Failure::File { path: name.to_owned(), source };
         let mut lines = Lines::new(BufReader::with_capacity(BUFFER, input));
         let mut mark: &[u8] = BYTE_ORDER_MARK;
         loop {
@@ -130,7 +126,9 @@ impl<'a, W: Write> Decoder<'a, W> {
                 // A reader of a live capture sees each frame when it has come.
                 self.record.flush().map_err(Failure::Output)?;
             }
-            let Some(text) = lines.next().map_err(failed)? else { break };
+            let Some(text) = lines.next().map_err(|source| given::unread(name, source))? else {
+                break;
+            };
             let text = text.strip_prefix(std::mem::take(&mut mark)).unwrap_or(text);
             self.line(&Line::parse(text)).map_err(Failure::Output)?;
         }

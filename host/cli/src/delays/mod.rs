@@ -8,7 +8,6 @@ mod recording;
 mod table;
 mod wire_time;
 
-use std::fs;
 use std::io::Read;
 use std::path::Path;
 
@@ -16,6 +15,7 @@ use serde_json::{Value, json};
 
 use crate::args::{DelaysArgs, Told};
 use crate::failure::Failure;
+use crate::given;
 use crate::output::Output;
 use crate::record;
 use crate::written;
@@ -55,9 +55,9 @@ pub fn run(arguments: &DelaysArgs, out: Output) -> Result<(), Failure> {
 fn of_file(path: &Path, told: &Told, out: Output) -> Result<Table, Failure> {
     let name = path.display().to_string();
     let wrong = |what: String| Failure::Usage(format!("{name}: {what}"));
-    let failed = |source| Failure::File { path: name.clone(), source };
+    let failed = |source| given::unread(path, source);
     let mut begin = Vec::new();
-    let mut file = fs::File::open(path).map_err(failed)?;
+    let mut file = given::open(path)?;
     let count = record::MAGIC.len() as u64;
     Read::by_ref(&mut file).take(count).read_to_end(&mut begin).map_err(failed)?;
     if begin != record::MAGIC {

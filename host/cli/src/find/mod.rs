@@ -10,6 +10,7 @@ use mgw_client::{Transport, names_before_hello, open, server_port};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::failure::Failure;
+use crate::given::unread;
 use crate::names::Names;
 use crate::output::Output;
 
@@ -153,8 +154,7 @@ fn choose(
     let _ = write!(asked, "Several ports may lead to a gateway:\n{}Which one? ", list.concat());
     let _ = asked.flush();
     let mut line = String::new();
-    let failed = |source| Failure::File { path: "standard input".to_owned(), source };
-    answer.read_line(&mut line).map_err(failed)?;
+    answer.read_line(&mut line).map_err(|source| unread("standard input", source))?;
     let place = line.trim().parse::<usize>().ok().and_then(|place| place.checked_sub(1));
     let chosen = place.and_then(|place| candidates.get(place)).cloned();
     chosen.ok_or_else(|| {

@@ -4,7 +4,6 @@ mod image;
 
 pub use image::OnImage;
 
-use std::io::Read;
 use std::path::Path;
 use std::time::Duration;
 
@@ -15,6 +14,7 @@ use host_protocol::{CanFrame, Deframer, Kind, Trip, TripReason};
 use serde_json::json;
 
 use crate::failure::Failure;
+use crate::given;
 use crate::json::axis;
 use crate::output::Output;
 use crate::words::{self, hex};
@@ -324,10 +324,7 @@ pub fn run(
 ) -> Result<(), Failure> {
     let path = file.display().to_string();
     let wrong = |why: String| Failure::NotReplayed { path: path.clone(), why };
-    let mut bytes = Vec::new();
-    std::fs::File::open(file)
-        .and_then(|file| file.take(MAX_FILE + 1).read_to_end(&mut bytes))
-        .map_err(|source| Failure::File { path: path.clone(), source })?;
+    let bytes = given::begin(file, MAX_FILE + 1)?;
     if bytes.is_empty() {
         return Err(wrong("it is empty: nothing has tripped yet".to_owned()));
     }

@@ -78,8 +78,7 @@ fn text(motor: &Motor, values: &Values) -> String {
 
 /// Reads a file for a motor; all that is wrong with it at once.
 fn read(motor: &Motor, path: &str) -> Result<File, Failure> {
-    let source =
-        Source::read(path).map_err(|text| Failure::Usage(format!("cannot read {path}: {text}")))?;
+    let source = Source::read(path)?;
     let (table, errors) = DeTable::parse_recoverable(&source.text);
     let mut wrong: Vec<String> = errors.iter().map(|error| error.message().to_owned()).collect();
     let mut file = File { path: source.path, id: None, bitrate: None, settings: Vec::new() };

@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use crate::args::Part;
 use crate::failure::Failure;
+use crate::given;
 
 /// The longest record of a file that is believed, bytes.
 const LONGEST: usize = 256 * 1024 * 1024;
@@ -61,8 +62,8 @@ pub fn file(
     path: &Path,
     mut each: impl FnMut(Recorded) -> Result<(), Failure>,
 ) -> Result<bool, Failure> {
-    let failed = |source| Failure::File { path: path.display().to_string(), source };
-    let mut source = File::open(path).map_err(failed)?;
+    let failed = |source| given::unread(path, source);
+    let mut source = given::open(path)?;
     let is_whole = has_end(&mut source).map_err(failed)?;
     let options = LinearReaderOptions::default()
         .with_skip_end_magic(true)

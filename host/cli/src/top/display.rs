@@ -55,14 +55,14 @@ impl Display {
             restore();
             before(info);
         }));
-        enable_raw_mode().map_err(gone)?;
+        enable_raw_mode().map_err(Failure::Terminal)?;
         let opened = execute!(io::stdout(), EnterAlternateScreen, Hide)
             .and_then(|()| Terminal::new(CrosstermBackend::new(io::stdout())));
         match opened {
             Ok(terminal) => Ok(Self { terminal: ManuallyDrop::new(terminal) }),
             Err(error) => {
                 restore();
-                Err(gone(error))
+                Err(Failure::Terminal(error))
             }
         }
     }
@@ -76,7 +76,7 @@ impl Display {
             let area = frame.area();
             frame.render_widget(Paragraph::new(lines(area.width, area.height)), area);
         });
-        drawn.map(drop).map_err(gone)
+        drawn.map(drop).map_err(Failure::Terminal)
     }
 
     /// Takes the terminal over again: whoever ran in between has left it otherwise, so that no key
@@ -84,12 +84,12 @@ impl Display {
     pub fn take_again(&mut self) -> Result<(), Failure> {
         // crossterm takes what it has set for what is.
         let _ = disable_raw_mode();
-        enable_raw_mode().map_err(gone)?;
+        enable_raw_mode().map_err(Failure::Terminal)?;
         // A new one, which knows nothing of what is on the screen. Its own way asks the terminal
         // where the cursor is, and waits.
         let terminal = execute!(io::stdout(), EnterAlternateScreen, Hide, Clear(ClearType::All))
             .and_then(|()| Terminal::new(CrosstermBackend::new(io::stdout())))
-            .map_err(gone)?;
+            .map_err(Failure::Terminal)?;
         self.terminal = ManuallyDrop::new(terminal);
         Ok(())
     }
@@ -111,8 +111,4 @@ fn restore() {
     let _ = disable_raw_mode();
     let _ = execute!(io::stdout(), LeaveAlternateScreen, Show);
     let _ = io::stdout().flush();
-}
-
-fn gone(source: io::Error) -> Failure {
-    Failure::File { path: "the terminal".to_owned(), source }
 }

@@ -143,7 +143,7 @@ fn captures_are_read_from_files_and_a_byte_order_mark_is_no_byte() {
     let (can, serial) = (&Value::from("can0"), &Value::from("serial2"));
     let (status_1, status_2) = (&Value::from("read_status_1"), &Value::from("read_status_2"));
     assert_eq!(told, [(can, status_1), (serial, status_2), (can, status_1)]);
-    let text = mgw(&["decode", "/no/such.log"]).failure(1);
+    let text = mgw(&["decode", "/no/such.log"]).failure(2);
     assert!(text.contains("cannot read /no/such.log"), "{text}");
 }
 

@@ -65,7 +65,7 @@ fn what_is_no_table_is_named_by_file_and_line() {
         let text = mgw(arguments).failure(2);
         assert!(text.contains(wanted), "{arguments:?}: {text}");
     }
-    mgw(&["delays", "/nowhere/x"]).failure(1);
+    mgw(&["delays", "/nowhere/x"]).failure(2);
     fs::write(path, b"\x89PNG\r\n\x1a\n\xff\xfe").unwrap();
     let text = mgw(&["delays", path]).failure(2);
     assert!(text.contains("neither a recording (MCAP) nor a table of delays"), "{text}");

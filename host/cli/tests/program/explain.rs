@@ -20,7 +20,7 @@ fn the_code_of_an_error_leads_to_its_page() {
     assert_eq!(error["error"]["explain"], "E-no-port");
     assert_eq!(error["error"]["name"], "usage");
     // What says all there is has none.
-    let text = mgw(&["decode", "/no/such/file"]).failure(1);
+    let text = mgw(&["decode", "/no/such/file"]).failure(2);
     assert!(text.ends_with("Check the path.\n"), "{text}");
 }
 

@@ -156,7 +156,7 @@ fn a_file_that_cannot_be_written_is_told_and_stops_nothing() {
     assert_eq!(fs::read_to_string(&path).unwrap(), "a letter");
     let text = sim.mgw(&["record", "/nowhere/run.mcap"]).failure(1);
     assert!(text.contains("cannot write /nowhere/run.mcap"), "{text}");
-    let text = mgw(&["play", &path]).failure(1);
+    let text = mgw(&["play", &path]).failure(2);
     assert!(text.contains("no MCAP file"), "{text}");
     let text = mgw(&["plot", &path, "--output", "x.jpg"]).failure(2);
     assert!(text.contains("x.jpg: pictures are SVG or PNG; name a file that ends in"), "{text}");

@@ -8,7 +8,7 @@ use nix::sys::signal::Signal;
 use serde_json::Value;
 
 use crate::schema;
-use crate::support::{Outcome, Process, Sim, file, json, mgw, mgw_cut_short};
+use crate::support::{FOUR, Outcome, Process, Sim, file, json, mgw, mgw_cut_short};
 
 /// The error that `--json` prints.
 fn error(outcome: Outcome, code: i32) -> Value {
@@ -154,6 +154,36 @@ fn a_file_is_read_before_anything_connects_and_only_so_far() {
     std::fs::write(path, "[[axis]]\naxis = 0\nspeed\u{1b}[2J = 3\n").unwrap();
     let text = mgw(&[&nobody[..], &[path]].concat()).failure(1);
     assert!(text.contains("line 3, ") && !text.contains('\u{1b}'), "{text:?}");
+}
+
+#[test]
+fn a_file_that_cannot_be_read_is_wrong_usage_whatever_reads_it() {
+    let sim = Sim::start();
+    let (missing, four) = ("/no/such/file", FOUR);
+    for (words, folder) in [
+        (&["plan"][..], "it is a directory"),
+        (&["plan", four, "--delays"], "it is a directory"),
+        (&["config", "check"], "it is a directory"),
+        (&["config", "apply"], "it is a directory"),
+        (&["config", "diff"], "it is a directory"),
+        (&["config", "dump", "--template"], "it is a directory"),
+        (&["motor", "0", "restore"], "it is a directory"),
+        (&["update"], "cannot read / (Is a directory"),
+        (&["image"], "cannot read / (Is a directory"),
+        (&["delays"], "cannot read / (Is a directory"),
+        (&["play"], "cannot read / ("),
+        (&["plot", "--output", "x.svg"], "cannot read / ("),
+        (&["decode"], "cannot read / (Is a directory"),
+        (&["replay"], "cannot read / (Is a directory"),
+    ] {
+        let text = sim.mgw(&[words, &[missing]].concat()).failure(2);
+        assert!(text.contains("mgw: cannot read /no/such/file (No such file"), "{text}");
+        let text = sim.mgw(&[&["--json"], words, &[missing]].concat()).failure(2);
+        let told = json(text.lines().last().unwrap());
+        assert_eq!(told["error"]["name"], "file", "{words:?}: {told}");
+        let text = sim.mgw(&[words, &["/"]].concat()).failure(2);
+        assert!(text.contains(folder), "{words:?}: {text}");
+    }
 }
 
 /// Nobody writes into the pipe: it is refused and not waited for.

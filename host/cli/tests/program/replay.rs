@@ -85,9 +85,9 @@ fn what_is_no_recording_or_plays_otherwise_is_refused_by_name() {
 
     let text = mgw(&["replay", "/dev/zero"]).failure(1);
     assert!(text.contains("longer than the memory of any flight recorder"), "{text}");
-    let text = mgw(&["replay", "no/such.mgfr"]).failure(1);
+    let text = mgw(&["replay", "no/such.mgfr"]).failure(2);
     assert!(text.contains("cannot read no/such.mgfr"), "{text}");
-    let error = json(&mgw(&["--json", "replay", "no/such.mgfr"]).failure(1));
+    let error = json(&mgw(&["--json", "replay", "no/such.mgfr"]).failure(2));
     assert_eq!(error["error"]["name"], "file");
 }
 

@@ -18,6 +18,9 @@ use crate::schema;
 /// No test waits longer than this for anything.
 pub const LIMIT: Duration = Duration::from_secs(180);
 
+/// A configuration of the simulated gateway.
+pub const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+
 /// What a run of the program left behind.
 #[derive(Debug)]
 pub struct Outcome {

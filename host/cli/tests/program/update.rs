@@ -108,7 +108,7 @@ fn what_no_gateway_would_take_is_refused_before_anything_is_sent() {
         (&["update", &long], 1, "bytes, and there is room for 524288"),
         (&["update", &none], 2, "is no image: it has no header of the gateway's firmware"),
         (&["update", &file, "--signature", &short], 2, "it has 63 bytes, and a signature has 64"),
-        (&["update", "no-such-file"], 1, "no-such-file"),
+        (&["update", "no-such-file"], 2, "no-such-file"),
         (&["update"], 2, "required"),
         (&["update", &file, "--confirm"], 2, "cannot be used with"),
         (&["update", "--confirm", "--check"], 2, "cannot be used with"),
