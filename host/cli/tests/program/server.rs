@@ -18,11 +18,18 @@ const LIMIT: Duration = Duration::from_secs(60);
 pub struct Server {
     pub process: Process,
     pub port: String,
-    socket: PathBuf,
+    pub socket: PathBuf,
 }
 
 impl Server {
     pub fn start(cable: &str, arguments: &[&str]) -> Self {
+        let server = Self::open(cable, arguments);
+        server.await_gateway();
+        server
+    }
+
+    /// One that may not have its gateway yet.
+    pub fn open(cable: &str, arguments: &[&str]) -> Self {
         let unique = cable.rsplit(':').next().unwrap();
         let name = format!("mgw-test-{}-{unique}.sock", std::process::id());
         let socket = std::env::temp_dir().join(name);
@@ -32,8 +39,11 @@ impl Server {
         let port = process
             .wait_for("the port", |line| line.strip_prefix("listening on ").map(str::to_owned));
         assert!(port.starts_with("tcp:127.0.0.1:"), "{port}");
-        process.wait_for("the gateway", |line| line.starts_with("gateway: ").then_some(()));
         Self { process, port, socket }
+    }
+
+    pub fn await_gateway(&self) {
+        self.process.wait_for("the gateway", |line| line.starts_with("gateway: ").then_some(()));
     }
 
     /// A program that finds it by itself.
@@ -146,7 +156,7 @@ fn a_server_without_its_gateway_says_so_and_finds_it_again() {
     let text = server.mgw(&["stop"]).failure(3);
     assert!(text.contains("nothing answered within 3000 ms"), "{text}");
     let _again = Process::start(&["sim", "--listen", &address]);
-    server.process.wait_for("the gateway", |line| line.starts_with("gateway: ").then_some(()));
+    server.await_gateway();
     server.mgw(&["info"]).success();
 }
 
