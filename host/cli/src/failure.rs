@@ -356,11 +356,12 @@ impl fmt::Display for Failure {
                 write!(f, "{path} is there already. Name another file, or add --force")
             }
             Self::Unwritten { path, source } => {
-                use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+                use io::ErrorKind::{FileTooLarge, QuotaExceeded, ResourceBusy, StorageFull};
                 let advice = match source.kind() {
                     StorageFull | QuotaExceeded | FileTooLarge => {
                         "Make room, or name another place"
                     }
+                    ResourceBusy => "Name another file, or end what uses this one",
                     _ => "Check the path",
                 };
                 write!(f, "cannot write {path} ({source}). {advice}")

@@ -1,17 +1,30 @@
 //! Files that commands write.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::ErrorKind::{IsADirectory, ResourceBusy};
 use std::io::{self, Write};
 use std::path::Path;
 
 use crate::failure::Failure;
 
-/// Opens a file to write it; one that is there already only with `force`.
+/// Opens a file to write it; one that is there already only with `force`, and no file that another
+/// `mgw` is writing.
 pub fn open(path: &Path, force: bool) -> io::Result<File> {
     if path.is_dir() {
-        return Err(io::ErrorKind::IsADirectory.into());
+        return Err(IsADirectory.into());
     }
-    OpenOptions::new().write(true).create(force).truncate(force).create_new(!force).open(path)
+    let mut options = OpenOptions::new();
+    options.write(true).create(force).truncate(false).create_new(!force);
+    let file = options.open(path)?;
+    // A device, such as /dev/null, is for all.
+    if file.metadata()?.is_file() {
+        // On Windows a lock would keep others from reading it, too.
+        if cfg!(unix) && matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(io::Error::new(ResourceBusy, "another program is writing it"));
+        }
+        file.set_len(0)?;
+    }
+    Ok(file)
 }
 
 /// Writes a whole file; over one that is there already only with `force`.

@@ -147,6 +147,22 @@ fn raw_frames_of_an_open_bus_are_recorded_and_exported() {
 }
 
 #[test]
+fn a_file_that_is_being_recorded_is_not_taken_by_another_recording() {
+    let sim = Sim::patient();
+    let path = file("both.mcap");
+    let mut first = Process::start(&["--port", &sim.port, "--json", "record", &path, "--force"]);
+    first.wait_for("the recording", |line| line.contains("\"recording\"").then_some(()));
+    let text = sim.mgw(&["record", &path, "--force"]).failure(1);
+    let said = format!("cannot write {path} (another program is writing it). Name another file");
+    assert!(text.contains(&said), "{text}");
+    assert_eq!(first.interrupt(), Some(0));
+    let kept = mgw(&["--json", "play", &path]).success();
+    assert!(kept.contains("/axis/0/sample") && !kept.contains("cut_off"), "{kept}");
+    // What is over holds nobody back.
+    sim.mgw(&["record", &path, "--force", "--for", "0.1"]).success();
+}
+
+#[test]
 fn a_file_that_cannot_be_written_is_told_and_stops_nothing() {
     let path = file("there.mcap");
     fs::write(&path, "a letter").unwrap();
