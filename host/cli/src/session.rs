@@ -22,7 +22,7 @@ use crate::words;
 /// How long a motor may take to confirm its stop before the command gives up waiting. The gateway
 /// does not.
 const STOP_PATIENCE: Duration = Duration::from_secs(5);
-/// Events that are printed in one go.
+/// Events that are taken before what else is to be done has its turn.
 pub const EVENTS_AT_ONCE: usize = 64;
 /// Between two looks at an axis that is stopping.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);

@@ -71,14 +71,13 @@ fn follow(
     let (mut lost, mut fetch_at) = (0, client.now());
     while !recording.has_failed() && end.is_none_or(|end| client.now() < end) {
         client.keep_subscription()?;
-        let mut next = client.poll_event(LOOK_EVERY)?;
+        let mut wait = LOOK_EVERY;
         // If they come without end, what else is to be done has its turn all the same.
         for _ in 0..EVENTS_AT_ONCE {
-            let Some(message) = next else { break };
+            let Some(message) = client.poll_event(wait)? else { break };
             tap.put(What::Event(message));
-            next = client.poll_event(Duration::ZERO)?;
+            wait = Duration::ZERO;
         }
-        next.into_iter().for_each(|message| tap.put(What::Event(message)));
         for _ in 0..EVENTS_AT_ONCE {
             let Some(message) = client.poll_cycle(Duration::ZERO)? else { break };
             tap.put(What::Cycle(message));

@@ -160,11 +160,11 @@ impl Watching {
     fn take_events(&mut self) -> Result<(), ClientError> {
         let client = &mut self.session.client;
         client.keep_subscription()?;
-        let mut next = client.poll_event(LOOK_EVERY)?;
+        let mut wait = LOOK_EVERY;
         for _ in 0..EVENTS_AT_ONCE {
-            let Some(message) = next else { break };
+            let Some(message) = client.poll_event(wait)? else { break };
             self.live.event(&message, client.now());
-            next = client.poll_event(Duration::ZERO)?;
+            wait = Duration::ZERO;
         }
         self.live.tick(client.now());
         let on_the_way = self.lost_on_the_way();

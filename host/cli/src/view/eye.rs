@@ -18,6 +18,7 @@ use crate::faults::Protocols;
 use crate::json;
 use crate::names::Names;
 use crate::record::{Encoder, Item, Schema, What};
+use crate::session::EVENTS_AT_ONCE;
 use crate::states;
 use crate::words;
 
@@ -27,8 +28,6 @@ const DRAW_EVERY: Duration = Duration::from_micros(33_333);
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// Waits for events are at most so long.
 const LISTEN: Duration = Duration::from_millis(5);
-/// Events taken between two questions.
-const EVENTS_AT_ONCE: usize = 64;
 /// Before the server is asked again.
 const AGAIN_AFTER: Duration = Duration::from_millis(300);
 
@@ -135,12 +134,11 @@ impl<'a> Eye<'a> {
     }
 
     fn listen(&mut self) -> Result<(), ClientError> {
-        let wait = if self.questions.is_empty() { LISTEN } else { Duration::ZERO };
-        let mut next = self.client.poll_event(wait)?;
+        let mut wait = if self.questions.is_empty() { LISTEN } else { Duration::ZERO };
         for _ in 0..EVENTS_AT_ONCE {
-            let Some(message) = next else { break };
+            let Some(message) = self.client.poll_event(wait)? else { break };
             self.take(&message);
-            next = self.client.poll_event(Duration::ZERO)?;
+            wait = Duration::ZERO;
         }
         for _ in 0..EVENTS_AT_ONCE {
             let Some(message) = self.client.poll_cycle(Duration::ZERO)? else { break };
@@ -310,4 +308,28 @@ fn channels(axes: &[u8]) -> Vec<foxglove::Channel> {
         schema: schema.json(),
     })
     .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::rc::Rc;
+
+    use mgw_sim::SimTransport;
+
+    use super::*;
+    use crate::four_motors;
+
+    #[test]
+    fn of_more_events_than_are_taken_at_once_none_is_lost() {
+        let (world, configuration) = four_motors::demonstration().unwrap();
+        four_motors::configure(&mut four_motors::connect(&world).unwrap(), &configuration).unwrap();
+        let transport: Box<dyn Transport> = Box::new(SimTransport::new(Rc::clone(&world), 1));
+        let (hub, period) = (Hub::default(), Duration::from_millis(5));
+        let mut eye = Eye::open(Client::connect(transport).unwrap(), &hub, period).unwrap();
+        world.borrow_mut().run_for(period * 21 - period / 4);
+        (0..2).for_each(|_| eye.listen().unwrap());
+        let drawn = eye.envelope.draw();
+        let counts: Vec<_> = drawn.as_array().unwrap().iter().map(|of| &of["samples"]).collect();
+        assert_eq!((counts, eye.lost), (vec![&json!(21); 5], 0));
+    }
 }

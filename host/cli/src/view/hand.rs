@@ -17,6 +17,7 @@ use super::ask::Ask;
 use super::reach::Reach;
 use crate::explain::with_page;
 use crate::failure::Failure;
+use crate::session::EVENTS_AT_ONCE;
 
 /// A page in command that has said nothing for so long is taken for gone. It says something every
 /// 100 ms.
@@ -24,8 +25,6 @@ pub const SILENT_AFTER: Duration = Duration::from_millis(500);
 /// A jog that has not been repeated for so long has ended: its axis is stopped. The page repeats it
 /// every 100 ms.
 pub const JOG_FOR: Duration = Duration::from_millis(300);
-/// Events taken in one round.
-const EVENTS_AT_ONCE: usize = 64;
 
 /// When a page was heard last.
 #[derive(Debug, Clone)]
