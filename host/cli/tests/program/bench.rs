@@ -4,9 +4,7 @@ use std::fs;
 
 use serde_json::{Value, json};
 
-use crate::support::{Sim, file, mgw};
-
-const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
+use crate::support::{FOUR, Sim, file, mgw};
 
 fn state(sim: &Sim, axis: usize) -> Value {
     sim.mgw(&["--json", "state"]).json_lines()[0]["axes"][axis]["state"].clone()

@@ -1,6 +1,6 @@
 //! Every command against a simulated gateway.
 
-use crate::support::{Process, Sim, mgw, mgw_reading};
+use crate::support::{FOUR, Process, Sim, mgw, mgw_reading};
 
 #[test]
 fn info_tells_board_and_buses() {
@@ -90,8 +90,7 @@ fn an_unconfigured_gateway_is_configured_by_hand() {
 #[test]
 fn a_file_configures_everything_at_once() {
     let sim = Sim::with(&["--unconfigured"]);
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
-    let text = sim.mgw(&["config", "apply", file]).success();
+    let text = sim.mgw(&["config", "apply", FOUR]).success();
     assert_eq!(text, "configured: 3 buses and 4 axes; 24 changes, 3 motor timeouts written\n");
     let json = &sim.mgw(&["axes", "--json"]).json_lines()[0];
     assert!(json["axes"].as_array().unwrap().iter().all(|axis| axis["state"] == "idle"), "{json}");

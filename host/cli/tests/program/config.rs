@@ -1,9 +1,7 @@
 //! `mgw config`: the configuration as one thing.
 
-use crate::support::{Sim, mgw, mgw_reading};
+use crate::support::{FOUR, Sim, mgw, mgw_reading};
 use serde_json::Value;
-
-const FOUR_MOTORS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
 
 /// Has the program read this from standard input.
 fn reading(sim: &Sim, arguments: &[&str], text: &str) -> crate::support::Outcome {
@@ -11,7 +9,7 @@ fn reading(sim: &Sim, arguments: &[&str], text: &str) -> crate::support::Outcome
 }
 
 fn four_motors() -> String {
-    std::fs::read_to_string(FOUR_MOTORS).unwrap()
+    std::fs::read_to_string(FOUR).unwrap()
 }
 
 fn parameter(sim: &Sim, axis: &str, name: &str) -> Value {
@@ -31,7 +29,7 @@ fn an_unsafe_flag_does_not_survive_a_file_that_does_not_name_it() {
     reading(&sim, &["config", "apply", "-", "--merge"], merge).success();
     assert_eq!(parameter(&sim, "0", "unsafe_infinite_ttl"), true);
     assert_eq!(parameter(&sim, "0", "ttl_us"), 60_000);
-    sim.mgw(&["config", "apply", FOUR_MOTORS]).success();
+    sim.mgw(&["config", "apply", FOUR]).success();
     assert_eq!(parameter(&sim, "0", "unsafe_infinite_ttl"), false);
     assert_eq!(parameter(&sim, "0", "ttl_us"), 100_000);
     assert_eq!(sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"].as_array().unwrap().len(), 4);
@@ -59,7 +57,7 @@ fn a_file_with_two_motors_of_one_node_changes_nothing_and_the_good_one_applies()
     reading(&sim, &["config", "apply", "-"], &format!("{}{fifth}2{hold}", four_motors())).success();
     reading(&sim, &["config", "apply", "-"], &format!("{exchanged}{fifth}1{hold}")).success();
     assert_eq!((parameter(&sim, "0", "node"), parameter(&sim, "5", "node")), (2.into(), 1.into()));
-    sim.mgw(&["config", "apply", FOUR_MOTORS]).success();
+    sim.mgw(&["config", "apply", FOUR]).success();
     assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
 }
 
@@ -125,13 +123,13 @@ fn a_difference_is_shown_and_is_an_exit_code() {
         "axis 1: signal_limit 0.5 -> not set\naxis 3: ttl_us 500000 µs -> 50000 µs\n"
     );
     assert!(outcome.failure(1).contains("2 settings other than standard input"));
-    assert_eq!(sim.mgw(&["config", "diff", FOUR_MOTORS]).success(), "");
+    assert_eq!(sim.mgw(&["config", "diff", FOUR]).success(), "");
     let checked = reading(&sim, &["config", "apply", "-", "--check"], &other).success();
     assert_eq!(checked, "standard input: 3 buses and 4 axes; 2 changes\n");
     assert_eq!(parameter(&sim, "3", "ttl_us"), 500_000);
     sim.mgw(&["config", "unset", "axis", "3", "ttl_us"]).success();
     assert_eq!(parameter(&sim, "3", "ttl_us"), 100_000);
-    let like = sim.mgw(&["config", "dump", "--template", FOUR_MOTORS]).success();
+    let like = sim.mgw(&["config", "dump", "--template", FOUR]).success();
     assert_eq!(like, four_motors().replace("ttl_us = 500_000\n", ""));
     let text = sim.mgw(&["config", "unset", "axis", "3", "stop_action"]).failure(1);
     assert!(
@@ -143,9 +141,7 @@ fn a_difference_is_shown_and_is_an_exit_code() {
 /// What can be known without a gateway, and what it says it has not looked at.
 #[test]
 fn a_file_is_checked_without_a_gateway() {
-    for arguments in
-        [&["config", "check", FOUR_MOTORS][..], &["config", "apply", FOUR_MOTORS, "--check"]]
-    {
+    for arguments in [&["config", "check", FOUR][..], &["config", "apply", FOUR, "--check"]] {
         let text = mgw(arguments).success();
         assert!(text.contains("3 buses and 4 axes") && text.contains("Add --port"), "{text}");
     }
@@ -154,7 +150,7 @@ fn a_file_is_checked_without_a_gateway() {
         text.contains("line 2, axis 0: lacks stop_action; it takes coast, hold, brake"),
         "{text}"
     );
-    mgw(&["config", "check", FOUR_MOTORS, "--merge"]).failure(2);
+    mgw(&["config", "check", FOUR, "--merge"]).failure(2);
     let schema: Value = serde_json::from_str(&mgw(&["config", "schema"]).success()).unwrap();
     assert_eq!(schema["properties"]["axis"]["items"]["required"][0], "axis");
 }

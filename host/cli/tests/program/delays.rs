@@ -4,9 +4,8 @@ use std::fs;
 
 use serde_json::json;
 
-use crate::support::{Sim, file, mgw};
+use crate::support::{FOUR, Sim, file, mgw};
 
-const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
 const HEAD: &str = "reply-delays 1\n\
     # protocol model firmware bus bitrate command where count min p50 p99 max when gateway buckets\n";
 const FAST: &str = "rmd X8 v1 can 1000000 read_status_2 lab-a 2 249 251 251 251 2026-11-23 0.1.0 \

@@ -8,7 +8,7 @@ use mgw_cli::{Outcome, print_on};
 use mgw_client::Interrupt;
 use mgw_sim::{SimTransport, Wiring, World};
 
-use crate::support::{Sim, json};
+use crate::support::{FOUR, Sim, json};
 
 /// The lines of one examination: grade, what it is of, what is said.
 fn examine(sim: &Sim) -> Vec<(String, String, String)> {
@@ -87,7 +87,6 @@ fn motors_without_an_axis_and_two_with_one_id_are_found() {
 /// second. In virtual time, so that it says so while the first request to it is on the line.
 #[test]
 fn a_motor_that_speaks_into_a_request_is_no_noise() {
-    let configuration = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
     let mut collisions = 0;
     for phase in 0..20 {
         let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
@@ -95,7 +94,7 @@ fn a_motor_that_speaks_into_a_request_is_no_noise() {
             let transport = SimTransport::new(world.clone(), 0);
             print_on(Box::new(transport), Interrupt::default(), words)
         };
-        assert_eq!(run(&["config", "apply", configuration]).0.exit_code, 0);
+        assert_eq!(run(&["config", "apply", FOUR]).0.exit_code, 0);
         world.borrow_mut().run_for(Duration::from_secs(2));
         world.borrow_mut().trace();
         world.borrow_mut().run_for(Duration::from_secs(1));

@@ -2,10 +2,9 @@
 
 use serde_json::Value;
 
-use crate::support::{file, json, mgw, mgw_reading};
+use crate::support::{FOUR, file, json, mgw, mgw_reading};
 
 const EIGHT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/eight-motors.toml");
-const FOUR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
 
 /// The plan of a file, which is printed even if it does not hold.
 fn plan(arguments: &[&str]) -> (Option<i32>, Value) {

@@ -17,7 +17,7 @@ use mgw_client::{Client, Interrupt};
 use mgw_sim::{MotorEvent, SimTransport, Wiring, World};
 use serialport::{SerialPort, TTYPort};
 
-use crate::support::{Process, json, mgw};
+use crate::support::{FOUR, Process, json, mgw};
 
 /// The link of the device, and that by which the gateway is configured and asked.
 const LINK: u8 = 0;
@@ -30,7 +30,6 @@ const CHANGED_OF_1000: u32 = 3;
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 /// The most time that passes between two looks.
 const AT_ONCE: Duration = Duration::from_millis(20);
-const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
 /// So long that a machine that is busy with other things trips nothing: the rhythm of setpoints is
 /// shown in virtual time.
 const PATIENT: [&[&str]; 2] = [
@@ -78,7 +77,7 @@ impl Device {
 
 fn serve(mut device: TTYPort, until: &AtomicBool) -> Seen {
     let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
-    for arguments in [&["config", "apply", CONFIGURATION][..]].iter().chain(&PATIENT) {
+    for arguments in [&["config", "apply", FOUR][..]].iter().chain(&PATIENT) {
         let transport = SimTransport::new(world.clone(), CLEAN_LINK);
         assert_eq!(
             run_on(Box::new(transport), Interrupt::default(), arguments).exit_code,

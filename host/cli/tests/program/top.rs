@@ -24,14 +24,13 @@ use nix::sys::wait::{WaitPidFlag, WaitStatus, waitpid};
 use nix::unistd::Pid;
 use serialport::{SerialPort, TTYPort};
 
-use crate::support::{LIMIT, Process, Sim, command, mgw};
+use crate::support::{FOUR, LIMIT, Process, Sim, command, mgw};
 
 /// The link of the device, and that by which the gateway is configured and an axis moved.
 const LINK: u8 = 0;
 const OTHER_LINK: u8 = 1;
 /// How long threads wait for bytes.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
-const CONFIGURATION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/four-motors.toml");
 const WIDTH: u16 = 80;
 /// High enough for the events of four axes that are told at once.
 const HEIGHT: u16 = 40;
@@ -89,7 +88,7 @@ impl Drop for Device {
 fn serve(mut device: TTYPort, asked: &Receiver<Ask>) {
     let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
     let other = |world: &Rc<RefCell<World>>| SimTransport::new(world.clone(), OTHER_LINK);
-    let configured = ["config", "apply", CONFIGURATION];
+    let configured = ["config", "apply", FOUR];
     let outcome = run_on(Box::new(other(&world)), Interrupt::default(), &configured);
     assert_eq!(outcome.exit_code, 0, "{outcome:?}");
     device.set_timeout(LOOK_EVERY).expect("a timeout");
