@@ -9,7 +9,9 @@ use host_protocol::{AxisSummary, Bytes, Error, MAX_CAN_DATA, Quantity, SlowState
 use mgw_client::{Client, ClientError, Transport, server_port};
 use serde_json::{Value, json};
 
-use crate::args::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, ProtocolChoice};
+use crate::args::{
+    BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice, dialect_of,
+};
 use crate::commands;
 use crate::config::{self, BoardPorts, Configuration, Source};
 use crate::decode;
@@ -251,7 +253,7 @@ impl Native {
 /// # Errors
 /// What is wrong with the words, or a value that the codec refuses.
 pub fn encode(protocol: &str, words: Vec<String>) -> Result<String, Problem> {
-    let args = crate::args::EncodeArgs {
+    let args = EncodeArgs {
         protocol: Some(choice::<CodecChoice>("protocol", protocol)?),
         node: None,
         bus: None,
@@ -274,15 +276,13 @@ pub fn decode(
     direction: Option<&str>,
     dialect: &str,
 ) -> Result<Vec<Value>, Problem> {
-    let known = rmd::Dialect::ALL.into_iter().find(|known| known.name() == dialect);
     let args = DecodeArgs {
         files: Vec::new(),
         protocol: choice::<ProtocolChoice>("protocol", protocol)?,
         bus: bus.map(|bus| choice::<BusKind>("bus", bus)).transpose()?,
         direction: direction.map(|way| choice::<DirectionChoice>("direction", way)).transpose()?,
-        dialect: known.ok_or_else(|| {
-            let names = rmd::Dialect::ALL.map(rmd::Dialect::name).join(", ");
-            Failure::Usage(format!("`{dialect}` is no dialect; there are {names}"))
+        dialect: dialect_of(dialect).map_err(|there_are| {
+            Failure::Usage(format!("`{dialect}` is no dialect; {there_are}"))
         })?,
         headerless: false,
     };

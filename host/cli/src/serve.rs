@@ -16,6 +16,7 @@ use crate::args::SimArgs;
 use crate::failure::Failure;
 use crate::four_motors;
 use crate::output::Output;
+use crate::server::tell_listening;
 
 /// Between two attempts to read a terminal that belongs to another program.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
@@ -62,11 +63,7 @@ pub fn run(arguments: &SimArgs, out: Output) -> Result<(), Failure> {
     }
     let world = Rc::into_inner(world).expect("the session that shared it has ended").into_inner();
 
-    out.event(
-        "listening",
-        format!("listening on tcp:{address}"),
-        json!({ "port": format!("tcp:{address}") }),
-    )?;
+    tell_listening(out, &format!("tcp:{address}"))?;
     out.text(format!("try: mgw --port tcp:{address} info"))?;
     if !motors.is_empty() {
         out.text(format!("     mgw --port tcp:{address} scan"))?;

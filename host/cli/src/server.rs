@@ -77,15 +77,10 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
     let reach = Reach::new(address, token.clone());
     let page_token = token.clone();
     let mut listeners = vec![Listener::Tcp(listener, token)];
-    out.event(
-        "listening",
-        format!("listening on tcp:{address}"),
-        json!({ "port": format!("tcp:{address}") }),
-    )?;
+    tell_listening(out, &format!("tcp:{address}"))?;
     if let Some(path) = socket.clone().or_else(server_socket) {
         listeners.push(unix(&path)?);
-        let port = format!("unix:{}", path.display());
-        out.event("listening", format!("listening on {port}"), json!({ "port": port }))?;
+        tell_listening(out, &format!("unix:{}", path.display()))?;
     }
     if let Some(view) = View::open(view, page_token.as_deref(), out)? {
         view.start(reach);
@@ -106,9 +101,13 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
             print_failure = out.event("log", line, json!({ "message": line })).err();
         },
         tap,
-    )
-    .map_err(failed)?;
+    );
     print_failure.map_or(Ok(()), Err)
+}
+
+/// Says by which port it is reached.
+pub fn tell_listening(out: Output, port: &str) -> Result<(), Failure> {
+    out.event("listening", format!("listening on {port}"), json!({ "port": port }))
 }
 
 /// The way into a recording, which ends with the process: a signal ends both, the recording first.

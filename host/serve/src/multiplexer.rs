@@ -161,12 +161,6 @@ impl Multiplexer {
         self.in_command
     }
 
-    /// Whether a gateway answers.
-    #[must_use]
-    pub fn is_up(&self) -> bool {
-        self.state == State::Up
-    }
-
     /// What happened to the cable since the last time.
     pub fn take_news(&mut self) -> Vec<News> {
         std::mem::take(&mut self.news)

@@ -190,10 +190,7 @@ struct Shell<O, L> {
 
 /// Serves until the process ends. `open` opens the cable, again and again whenever there is none;
 /// what happens goes to `log`, and a copy of what crosses the cable to `tap`.
-///
-/// # Errors
-/// When a listener fails.
-pub fn serve<O, L>(listeners: Vec<Listener>, open: O, log: L, tap: Option<Tap>) -> io::Result<()>
+pub fn serve<O, L>(listeners: Vec<Listener>, open: O, log: L, tap: Option<Tap>)
 where
     O: Fn() -> Result<Halves, String> + Clone + Send + 'static,
     L: FnMut(&str),
@@ -222,7 +219,6 @@ where
         tap,
     };
     shell.run(&events);
-    Ok(())
 }
 
 impl<O, L> Shell<O, L>

@@ -21,7 +21,7 @@ pub struct DecodeArgs {
     pub direction: Option<DirectionChoice>,
     /// The version of the protocol that the RMD motors speak: unknown, v3_6, v3_7, v3_9, v4_2, v4_3
     /// or v4_4
-    #[arg(long, default_value = "v3_6", value_name = "DIALECT", value_parser = dialect)]
+    #[arg(long, default_value = "v3_6", value_name = "DIALECT", value_parser = dialect_of)]
     pub dialect: rmd::Dialect,
     /// Thrusters return frames without a header, although the capture does not show them being set
     /// so
@@ -90,7 +90,8 @@ pub enum DirectionChoice {
     Reply,
 }
 
-fn dialect(name: &str) -> Result<rmd::Dialect, String> {
+/// A dialect by its name; else which there are.
+pub fn dialect_of(name: &str) -> Result<rmd::Dialect, String> {
     let names = rmd::Dialect::ALL.map(rmd::Dialect::name);
     let named = rmd::Dialect::ALL.into_iter().find(|dialect| dialect.name() == name);
     named.ok_or_else(|| format!("there are {}", names.join(", ")))

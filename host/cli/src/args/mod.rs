@@ -29,7 +29,9 @@ pub use config::{ConfigAction, ConfigFile, ConfigRow};
 pub use delays::{DelaysArgs, Told};
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanCommand, ScanTarget};
 pub use flight::{Around, ShowTripArgs, TripsAction};
-pub use frames::{BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice};
+pub use frames::{
+    BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice, dialect_of,
+};
 pub use motion::{
     CycleArgs, CycleTarget, JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs,
 };

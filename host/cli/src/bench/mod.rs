@@ -6,7 +6,6 @@ mod spread;
 mod table;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::time::Duration;
 
 use gateway::{Assumptions, Gateway, MAX_BUSES, Set};
@@ -76,7 +75,7 @@ pub fn run(session: &mut Session, arguments: &BenchArgs) -> Result<(), Failure> 
     let mut delays = Vec::new();
     if let Some(path) = &arguments.delays {
         delays = reply_delays(&alone, &ping);
-        write(path, &delays_file(&delays))?;
+        written::write(path, delays_file(&delays), true)?;
     }
     if let Some(path) = &arguments.table {
         let table = table::of(session, &bench, &alone, &ping)?;
@@ -84,7 +83,7 @@ pub fn run(session: &mut Session, arguments: &BenchArgs) -> Result<(), Failure> 
     }
     let measured = Measured { ping, read_state, cycles, delays };
     if let Some(path) = &arguments.svg {
-        write(path, &figure::svg(&measured.cycles)?)?;
+        written::write(path, figure::svg(&measured.cycles)?, true)?;
     }
     print::measured(session, arguments, &bench.premises, &measured)
 }
@@ -268,10 +267,4 @@ fn delays_file(delays: &[(u8, u32)]) -> String {
          [reply_delay_us]\n{}",
         lines.collect::<String>()
     )
-}
-
-fn write(path: &std::path::Path, text: &str) -> Result<(), Failure> {
-    fs::write(path, text).map_err(|error| Failure::NotMeasured {
-        text: format!("cannot write {} ({error}). Check the path", path.display()),
-    })
 }

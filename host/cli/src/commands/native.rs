@@ -125,21 +125,18 @@ pub fn motor<T: Transport>(
     if axis >= max_axes {
         return Err(ClientError::Gateway(Error::UnknownAxis { axis, max_axes }).into());
     }
+    let missing = |parameter: AxisParameter| {
+        ClientError::Gateway(Error::NotConfigured { axis, parameter: parameter.number() })
+    };
     let axes = client.list_axes()?;
     let summary = axes.iter().find(|summary| summary.axis == axis);
-    let missing =
-        |parameter: AxisParameter| Error::NotConfigured { axis, parameter: parameter.number() };
-    let protocol = summary.and_then(|summary| summary.protocol);
-    let protocol =
-        protocol.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Protocol)))?;
-    let node = summary.and_then(|summary| summary.node);
-    let node = node.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Node)))?;
-    let bus = summary.and_then(|summary| summary.bus);
-    let bus = bus.ok_or_else(|| ClientError::Gateway(missing(AxisParameter::Bus)))?;
+    let summary = summary.ok_or_else(|| missing(AxisParameter::Protocol))?;
+    let protocol = summary.protocol.ok_or_else(|| missing(AxisParameter::Protocol))?;
+    let node = summary.node.ok_or_else(|| missing(AxisParameter::Node))?;
+    let bus = summary.bus.ok_or_else(|| missing(AxisParameter::Bus))?;
     let capability = client.hello().buses.get(usize::from(bus));
     let bus = capability.map_or(BusKind::Can, |capability| capability.kind);
-    let state = summary.map_or(AxisState::Unconfigured, |summary| summary.state);
-    Ok((Motor { axis, protocol, node, bus }, state))
+    Ok((Motor { axis, protocol, node, bus }, summary.state))
 }
 
 /// Bytes in hexadecimal, with spaces wherever they please between them.

@@ -75,8 +75,8 @@ fn of_file(path: &Path, told: &Told, out: Output) -> Result<Table, Failure> {
         return Table::parse(&text).map_err(wrong);
     }
     let mut reading = Reading::default();
-    let is_whole = record::each_message(path, |value, log_ns| {
-        reading.take(value, log_ns, told).map_err(wrong)
+    let is_whole = record::each_message(path, |message| {
+        reading.take(&message.value, message.log_ns, told).map_err(wrong)
     })?;
     if !is_whole {
         record::tell_cut_off(path, out)?;

@@ -109,12 +109,10 @@ impl Motor {
         let encode = |dialect: &Dialect| request.encode_in(*dialect);
         let all: Result<Vec<_>, EncodeError> = self.dialects.iter().map(encode).collect();
         let all = all.map_err(|error| refused(&error, self))?;
-        let data = all.first().ok_or_else(|| failed("NotFound", self.no_dialect()))?;
+        let data = all.first().ok_or_else(|| {
+            failed("NotFound", format!("{}: nothing is known of its dialect", self.name()))
+        })?;
         Ok(data.to_vec())
-    }
-
-    fn no_dialect(&self) -> String {
-        format!("{}: nothing is known of its dialect", self.name())
     }
 
     fn d5(&self, request: &d5::Request) -> Result<Vec<u8>, Failure> {

@@ -37,16 +37,8 @@ pub use mcap::MAGIC;
 pub use picture::has_font;
 pub use play::run as play;
 pub use plot::run as plot;
+pub use read::file as each_message;
 pub use schemas::Schema;
-
-/// Calls `each` with every message of a file and the host's time of it, ns since 1970; whether the
-/// recording was ended as it should.
-pub fn each_message(
-    path: &Path,
-    mut each: impl FnMut(&Value, u64) -> Result<(), Failure>,
-) -> Result<bool, Failure> {
-    read::file(path, |message| each(&message.value, message.log_ns))
-}
 
 /// Says of a recording that it has no end.
 pub fn tell_cut_off(path: &Path, out: Output) -> Result<(), Failure> {

@@ -258,18 +258,16 @@ fn at_other_bitrates(
 ) -> Result<(), Failure> {
     let listen_for = wanted.listen;
     let heard = match kind {
-        BusKind::Can => listen(session, wanted, bus, bitrates)?,
+        BusKind::Can => listen(session, listen_for, bus, bitrates)?,
         BusKind::Rs485 => Heard::Nothing,
     };
     let bitrates = match heard {
         Heard::At(bitrate) => vec![bitrate],
         Heard::Unreadable if !wanted.force => {
-            let scanned = Scanned::not_asked(bus, kind, NotAsked::Busy);
-            return done(session, scanned);
+            return done(session, Scanned::not_asked(bus, kind, NotAsked::Busy));
         }
         Heard::Unasked if !wanted.force => {
-            let scanned = Scanned::not_asked(bus, kind, NotAsked::NotListened);
-            return done(session, scanned);
+            return done(session, Scanned::not_asked(bus, kind, NotAsked::NotListened));
         }
         _ => bitrates.to_vec(),
     };
@@ -323,19 +321,18 @@ impl Hear for Ears {
 /// Whether a CAN bus can be asked at a bitrate that is not known to be its own: it is silent, or
 /// what is heard can be read.
 pub fn may_be_asked(session: &mut Session, bus: u8, bitrate: u32) -> Result<bool, Failure> {
-    let wanted = Wanted { targets: Vec::new(), listen: LISTEN, thrusters: false, force: false };
-    Ok(!matches!(listen(session, &wanted, bus, &[bitrate])?, Heard::Unreadable))
+    Ok(!matches!(listen(session, LISTEN, bus, &[bitrate])?, Heard::Unreadable))
 }
 
 /// Listens, acknowledging nothing. A bus that is silent at one bitrate is so at all: what is sent
 /// at another is heard as errors.
 fn listen(
     session: &mut Session,
-    wanted: &Wanted,
+    listen_for: Duration,
     bus: u8,
     bitrates: &[u32],
 ) -> Result<Heard, Failure> {
-    if wanted.listen.is_zero() {
+    if listen_for.is_zero() {
         return Ok(Heard::Unasked);
     }
     for bitrate in bitrates {
@@ -345,7 +342,7 @@ fn listen(
         let mut open = OpenBus::open_at(session, bus, &config, BusMode::ListenOnly)?;
         let mut ears = Ears(false);
         let result =
-            open.listen_until(wanted.listen, &mut ears, |ears| ears.0).and_then(|()| open.status());
+            open.listen_until(listen_for, &mut ears, |ears| ears.0).and_then(|()| open.status());
         let closed = open.close();
         let (status, ()) = (result?, closed?);
         match (ears.0, status.receive_errors) {
