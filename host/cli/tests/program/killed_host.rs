@@ -10,15 +10,9 @@ fn kill_while_moving(sim: &Sim, axis: &str, motor: &str, setpoint: &[&str]) -> V
     let mut host = Process::start(
         &[&["--port", &sim.port, "--json", "set", axis], setpoint, &["--for", "60"]].concat(),
     );
-    host.wait_for("motion", |line| {
-        let state: Value = serde_json::from_str(line).ok()?;
-        state["velocity_rad_s"]["value"].as_f64().filter(|speed| speed.abs() > 0.5)
-    });
+    host.await_motion();
     host.kill();
-    // What the motor itself says, not the gateway.
-    sim.process.wait_for("the motor's stop", |line| {
-        (line.starts_with("t=") && line.contains(motor) && line.contains("stopped")).then_some(())
-    });
+    sim.await_stop(motor);
     sim.await_state(axis, |state| state["state"] == "tripped" && state["stop_confirmed"] == true)
 }
 

@@ -9,7 +9,7 @@ use host_protocol::requests::Hello;
 use host_protocol::{Call as _, Kind, MAX_FRAME, PROTOCOL_MAJOR, PROTOCOL_MINOR, encode};
 use serde_json::Value;
 
-use crate::support::{Outcome, Process, Sim, mgw, outcome_of};
+use crate::support::{Outcome, Process, Sim, await_state, mgw, outcome_of};
 
 /// No wait is longer.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -55,31 +55,12 @@ impl Server {
     fn program(&self, arguments: &[&str]) -> Process {
         Process::start(&[&["--port", &self.port], arguments].concat())
     }
-
-    fn await_state(&self, is: impl Fn(&Value) -> bool) -> Value {
-        let end = Instant::now() + LIMIT;
-        loop {
-            let lines = self.mgw(&["--json", "state", "0"]).json_lines();
-            let state = lines[0]["axes"][0].clone();
-            if is(&state) {
-                return state;
-            }
-            assert!(Instant::now() < end, "it stays {state}");
-        }
-    }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.socket);
     }
-}
-
-fn moves(host: &Process) {
-    host.wait_for("motion", |line| {
-        let state: Value = serde_json::from_str(line).ok()?;
-        state["velocity_rad_s"]["value"].as_f64().filter(|speed| speed.abs() > 0.5)
-    });
 }
 
 #[test]
@@ -94,7 +75,7 @@ fn several_programs_use_one_gateway_and_find_the_server_by_themselves() {
     let mut watchers: Vec<_> =
         (0..6).map(|_| server.program(&["--json", "watch", "0", "--period", "50"])).collect();
     let mut host = server.program(&["--json", "set", "0", "velocity", "2", "--for", "60"]);
-    moves(&host);
+    host.await_motion();
     for watcher in &watchers {
         watcher.wait_for("a sample in motion", |line| {
             let line: Value = serde_json::from_str(line).ok()?;
@@ -105,9 +86,7 @@ fn several_programs_use_one_gateway_and_find_the_server_by_themselves() {
     let refused = server.mgw(&["set", "0", "velocity", "1", "--for", "1"]).failure(1);
     assert!(refused.contains("is in command"), "{refused}");
     server.mgw(&["stop", "0"]).success();
-    sim.process.wait_for("the motor's stop", |line| {
-        (line.contains("bus 0  rmd 1") && line.contains("stopped")).then_some(())
-    });
+    sim.await_stop("bus 0  rmd 1");
     assert_ne!(host.wait(), Some(0), "somebody else has stopped it");
     for watcher in &mut watchers {
         assert_eq!(watcher.interrupt(), Some(0));
@@ -120,14 +99,11 @@ fn the_axes_of_a_program_that_is_killed_trip_though_others_watch() {
     let server = Server::start(&sim.port, &[]);
     let watcher = server.program(&["--json", "watch", "0", "--period", "20"]);
     let mut host = server.program(&["--json", "set", "0", "velocity", "2", "--for", "60"]);
-    moves(&host);
+    host.await_motion();
     host.kill();
-    sim.process.wait_for("the motor's stop", |line| {
-        (line.starts_with("t=") && line.contains("bus 0  rmd 1") && line.contains("stopped"))
-            .then_some(())
-    });
-    let state =
-        server.await_state(|state| state["state"] == "tripped" && state["stop_confirmed"] == true);
+    sim.await_stop("bus 0  rmd 1");
+    let is_stopped = |state: &Value| state["state"] == "tripped" && state["stop_confirmed"] == true;
+    let state = await_state(&server.port, "0", is_stopped);
     assert_eq!(state["trip"]["reason"], "host_silent");
     watcher.wait_for("the trip", |line| line.contains("host_silent").then_some(()));
     // Then somebody else commands.

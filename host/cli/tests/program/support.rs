@@ -241,6 +241,14 @@ impl Process {
         }
     }
 
+    /// Until a state that it prints as JSON is one of motion.
+    pub fn await_motion(&self) {
+        self.wait_for("motion", |line| {
+            let state: Value = serde_json::from_str(line).ok()?;
+            state["velocity_rad_s"]["value"].as_f64().filter(|speed| speed.abs() > 0.5)
+        });
+    }
+
     /// The first line of those printed by now for which `find` finds something, and that.
     pub fn line_that<T>(&self, find: impl Fn(&str) -> Option<T>) -> Option<T> {
         self.lines.try_iter().find_map(|line| find(&line))
@@ -378,6 +386,15 @@ impl Sim {
         mgw(&[&["--port", &self.port], arguments].concat())
     }
 
+    /// Until this motor itself says that it has stopped, and not the gateway.
+    pub fn await_stop(&self, motor: &str) {
+        self.process.wait_for("the motor's stop", |line| {
+            let is_it =
+                line.starts_with("t=") && line.contains(motor) && line.contains("  stopped");
+            is_it.then_some(())
+        });
+    }
+
     /// Types a line into the simulator, and waits until it has done that.
     pub fn typed(&mut self, line: &str) {
         self.process.type_line(line);
@@ -441,14 +458,19 @@ impl Sim {
 
     /// Repeats `mgw state AXIS --json` until `is` holds, and returns the state.
     pub fn await_state(&self, axis: &str, is: impl Fn(&Value) -> bool) -> Value {
-        let end = Instant::now() + LIMIT;
-        loop {
-            let lines = self.mgw(&["--json", "state", axis]).json_lines();
-            let state = lines[0]["axes"][0].clone();
-            if is(&state) {
-                return state;
-            }
-            assert!(Instant::now() < end, "axis {axis} stays {state}");
+        await_state(&self.port, axis, is)
+    }
+}
+
+/// The same at any port.
+pub fn await_state(port: &str, axis: &str, is: impl Fn(&Value) -> bool) -> Value {
+    let end = Instant::now() + LIMIT;
+    loop {
+        let lines = mgw(&["--port", port, "--json", "state", axis]).json_lines();
+        let state = lines[0]["axes"][0].clone();
+        if is(&state) {
+            return state;
         }
+        assert!(Instant::now() < end, "axis {axis} stays {state}");
     }
 }

@@ -227,7 +227,5 @@ fn motor_is_stopped(sim: &Sim) {
         (line.contains("bus 0  rmd 1  command 0x81 stop") && !line.contains("ignored"))
             .then_some(())
     });
-    sim.process.wait_for("the motor's stop", |line| {
-        (line.contains("bus 0  rmd 1") && line.contains("  stopped")).then_some(())
-    });
+    sim.await_stop("bus 0  rmd 1");
 }
