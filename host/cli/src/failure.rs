@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io;
 
-use host_protocol::{AxisState, Error, Quantity, Trip, TripReason};
+use host_protocol::{AxisParameter, AxisState, Error, Quantity, Trip, TripReason};
 use mgw_client::{ClientError, ConnectError};
 use serde_json::{Value, json};
 
@@ -138,6 +138,12 @@ impl Failure {
     pub fn tripped(axis: u8, trip: &Trip, motors: Protocols) -> Self {
         let text = words::trip_reason(&trip.reason, motors.of(axis));
         Self::Tripped { axis, reason: trip.reason, text }
+    }
+
+    /// An axis lacks a parameter, as the gateway would say.
+    pub fn lacks(axis: u8, parameter: AxisParameter) -> Self {
+        let parameter = parameter.number();
+        Self::Client(ClientError::Gateway(Error::NotConfigured { axis, parameter }))
     }
 
     /// What the gateway would refuse, found before it is asked.

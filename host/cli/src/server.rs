@@ -18,7 +18,7 @@ use crate::find;
 use crate::interrupt;
 use crate::output::Output;
 use crate::record::{Recording, What};
-use crate::view::{LEAST_TOKEN, Reach, View, ViewArgs};
+use crate::view::{Reach, View, ViewArgs, check_token};
 
 /// Between two looks at whether a signal has come.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -51,18 +51,7 @@ pub struct ServeArgs {
 pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(), Failure> {
     let ServeArgs { listen, socket, token, record, written, view } = arguments;
     let token = token.clone().filter(|token| !token.is_empty());
-    if !listen.ip().is_loopback() && token.is_none() {
-        return Err(Failure::Usage(format!(
-            "{listen} can be reached from other computers: give a --token that programs have to \
-                show, or listen on 127.0.0.1"
-        )));
-    }
-    if !listen.ip().is_loopback() && token.as_ref().is_some_and(|token| token.len() < LEAST_TOKEN) {
-        return Err(Failure::Usage(format!(
-            "{listen} can be reached from other computers, which may guess as fast as they can: \
-                the --token has at least {LEAST_TOKEN} bytes there"
-        )));
-    }
+    check_token("--listen", *listen, token.as_deref())?;
     // What cannot be is told before anything is served.
     if let Some(port) = port {
         check_name(port)?;

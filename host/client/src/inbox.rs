@@ -82,6 +82,14 @@ pub struct Losses {
     pub unreadable: u64,
 }
 
+impl Losses {
+    /// Events that came from the gateway and not to the user.
+    #[must_use]
+    pub fn events(&self) -> u64 {
+        self.events_lost + self.events_dropped
+    }
+}
+
 pub(crate) struct Inbox {
     deframer: Deframer,
     events: VecDeque<EventMessage>,

@@ -107,8 +107,8 @@ fn command(session: &mut Session, arguments: &NativeArgs) -> Result<Command, Fai
         ))
     };
     let bytes = Bytes::from_slice(&data).map_err(too_long)?;
-    let missing = Error::NotConfigured { axis, parameter: AxisParameter::Protocol.number() };
-    let limits = Limits::of(session, axis)?.ok_or(ClientError::Gateway(missing))?;
+    let limits = Limits::of(session, axis)?;
+    let limits = limits.ok_or_else(|| Failure::lacks(axis, AxisParameter::Protocol))?;
     let effect = limits
         .native_effect(&data)
         .map_err(|error| native_request::explain(motor, &data, error))?;
@@ -125,9 +125,7 @@ pub fn motor<T: Transport>(
     if axis >= max_axes {
         return Err(ClientError::Gateway(Error::UnknownAxis { axis, max_axes }).into());
     }
-    let missing = |parameter: AxisParameter| {
-        ClientError::Gateway(Error::NotConfigured { axis, parameter: parameter.number() })
-    };
+    let missing = |parameter| Failure::lacks(axis, parameter);
     let axes = client.list_axes()?;
     let summary = axes.iter().find(|summary| summary.axis == axis);
     let summary = summary.ok_or_else(|| missing(AxisParameter::Protocol))?;

@@ -82,8 +82,7 @@ fn follow(
             let Some(message) = client.poll_cycle(Duration::ZERO)? else { break };
             tap.put(What::Cycle(message));
         }
-        let losses = client.losses();
-        let on_the_way = losses.events_lost + losses.events_dropped;
+        let on_the_way = client.losses().events();
         if on_the_way != lost {
             lost = on_the_way;
             tap.put(What::Lost { on_the_way });

@@ -161,8 +161,7 @@ impl Watch {
     /// Counts the samples and events that are missing before what comes next: those that the
     /// gateway had no room for, and those that got lost or were too many on the way.
     fn count_lost(&mut self, session: &Session, dropped: u32) {
-        let losses = session.client.losses();
-        let on_the_way = losses.events_lost + losses.events_dropped;
+        let on_the_way = session.client.losses().events();
         self.lost += u64::from(dropped) + (on_the_way - self.lost_on_the_way);
         self.lost_on_the_way = on_the_way;
     }

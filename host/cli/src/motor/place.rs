@@ -127,17 +127,13 @@ impl Place {
                 session.refuse_unconfigured(&[axis], "it has no motor")?;
                 let values = base.axes.get(&axis);
                 let get = |parameter| values.and_then(|values| values.get(&parameter));
-                let missing = |parameter: AxisParameter| {
-                    ClientError::Gateway(Error::NotConfigured {
-                        axis,
-                        parameter: parameter.number(),
-                    })
-                };
-                let bus = byte(get(AxisParameter::Bus)).ok_or(missing(AxisParameter::Bus))?;
-                let node = byte(get(AxisParameter::Node)).ok_or(missing(AxisParameter::Node))?;
+                let missing = |parameter| move || Failure::lacks(axis, parameter);
+                let bus = byte(get(AxisParameter::Bus)).ok_or_else(missing(AxisParameter::Bus))?;
+                let node =
+                    byte(get(AxisParameter::Node)).ok_or_else(missing(AxisParameter::Node))?;
                 let protocol = unsigned(get(AxisParameter::Protocol));
                 let protocol = protocol.and_then(|number| Protocol::try_from(number).ok());
-                let protocol = protocol.ok_or(missing(AxisParameter::Protocol))?;
+                let protocol = protocol.ok_or_else(missing(AxisParameter::Protocol))?;
                 let config = base.buses.get(&bus).copied();
                 let config = config.ok_or(ClientError::Gateway(Error::BusNotConfigured { bus }))?;
                 let kind = kind_of(session, bus);

@@ -167,15 +167,10 @@ impl Watching {
             wait = Duration::ZERO;
         }
         self.live.tick(client.now());
-        let on_the_way = self.lost_on_the_way();
+        let on_the_way = client.losses().events();
         self.live.lost += on_the_way.saturating_sub(self.lost_on_the_way);
         self.lost_on_the_way = on_the_way;
         Ok(())
-    }
-
-    fn lost_on_the_way(&self) -> u64 {
-        let losses = self.session.client.losses();
-        losses.events_lost + losses.events_dropped
     }
 
     fn ask_if_due(&mut self) -> Result<(), ClientError> {
@@ -216,7 +211,7 @@ impl Watching {
         let client = &self.session.client;
         let now = client.now();
         self.live.connected(client.hello().clone(), now);
-        self.lost_on_the_way = self.lost_on_the_way();
+        self.lost_on_the_way = client.losses().events();
         self.subscribed.clear();
         (self.ask_at, self.ask_names_at, self.draw_at) = (now, now, now);
         self.wants_incidents = true;

@@ -200,8 +200,7 @@ impl<'a> Eye<'a> {
     }
 
     fn draw(&mut self) {
-        let losses = self.client.losses();
-        let lost = self.lost + losses.events_lost + losses.events_dropped;
+        let lost = self.lost + self.client.losses().events();
         let picture = json!({
             "event": "samples", "axes": self.envelope.draw(), "lost": lost,
             "time_us": self.client.gateway_now_us(),

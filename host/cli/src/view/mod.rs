@@ -29,7 +29,7 @@ use hub::Hub;
 pub use reach::Reach;
 
 /// Bytes of a token at least, where other computers can guess.
-pub const LEAST_TOKEN: usize = 16;
+const LEAST_TOKEN: usize = 16;
 
 /// What the page may be told on the command line.
 #[derive(Debug, clap::Args)]
@@ -86,18 +86,7 @@ impl View {
         out: Output,
     ) -> Result<Option<Self>, Failure> {
         let Some(address) = arguments.view else { return Ok(None) };
-        if !address.ip().is_loopback() && token.is_none() {
-            return Err(Failure::Usage(format!(
-                "--view {address} can be reached from other computers: give a --token that whoever \
-                 opens the page has to show, or listen on 127.0.0.1"
-            )));
-        }
-        if !address.ip().is_loopback() && token.is_some_and(|token| token.len() < LEAST_TOKEN) {
-            return Err(Failure::Usage(format!(
-                "--view {address} can be reached from other computers, which may guess as fast as they \
-                 can: the --token has at least {LEAST_TOKEN} bytes there"
-            )));
-        }
+        check_token("--view", address, token)?;
         let failed = |source| Failure::Server { address: address.to_string(), source };
         let listener = TcpListener::bind(address).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
@@ -130,6 +119,19 @@ impl View {
         };
         thread::spawn(move || mgw_view::serve(&listener, gate, house));
     }
+}
+
+/// Refuses to listen where other computers get in without a token, or by one that they may guess.
+pub fn check_token(option: &str, address: SocketAddr, token: Option<&str>) -> Result<(), Failure> {
+    let why = match token.map(str::len) {
+        _ if address.ip().is_loopback() => return Ok(()),
+        Some(LEAST_TOKEN..) => return Ok(()),
+        Some(_) => format!(
+            ", which may guess as fast as they can: the --token has at least {LEAST_TOKEN} bytes there"
+        ),
+        None => ": give a --token that has to be shown there, or listen on 127.0.0.1".to_owned(),
+    };
+    Err(Failure::Usage(format!("{option} {address} can be reached from other computers{why}")))
 }
 
 /// Where this computer reaches a listener of its own.
