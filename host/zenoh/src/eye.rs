@@ -177,12 +177,11 @@ impl<'a, T: Transport> Eye<'a, T> {
     }
 
     fn listen(&mut self) -> Result<(), ClientError> {
-        let wait = if self.questions.is_empty() { LISTEN } else { Duration::ZERO };
-        let mut next = self.client.poll_event(wait)?;
+        let mut wait = if self.questions.is_empty() { LISTEN } else { Duration::ZERO };
         for _ in 0..EVENTS_AT_ONCE {
-            let Some(message) = next else { break };
+            let Some(message) = self.client.poll_event(wait)? else { break };
             self.take(&message);
-            next = self.client.poll_event(Duration::ZERO)?;
+            wait = Duration::ZERO;
         }
         // Periods of a cycle are for who runs it; they must not pile up here.
         for _ in 0..EVENTS_AT_ONCE {
