@@ -130,10 +130,10 @@ impl Session {
         typed.iter().map(target).collect()
     }
 
-    /// The axes that were named, or all configured ones.
-    pub fn axes_or_all(&mut self, named: &[u8]) -> Result<Vec<u8>, Failure> {
-        if !named.is_empty() {
-            return Ok(named.to_vec());
+    /// The axes that were typed, or all configured ones.
+    pub fn axes_or_all(&mut self, typed: &[Typed]) -> Result<Vec<u8>, Failure> {
+        if !typed.is_empty() {
+            return self.axes(typed);
         }
         Ok(self.client.list_axes()?.iter().map(|axis| axis.axis).collect())
     }

@@ -18,6 +18,11 @@ const STALE: &str = "*";
 /// Every field.
 pub const ALL: StateFields = StateFields::of(StateField::ALL);
 
+/// These fields, or every one where none is named.
+pub fn or_all(named: &[StateField]) -> StateFields {
+    if named.is_empty() { ALL } else { StateFields::of(named) }
+}
+
 /// What stands above a field.
 pub fn heading(field: StateField) -> &'static str {
     match field {

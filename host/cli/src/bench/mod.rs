@@ -96,8 +96,7 @@ fn counts(axes: usize) -> impl Iterator<Item = usize> {
 
 /// The axes to measure, each once.
 fn axes(session: &mut Session, arguments: &BenchArgs) -> Result<Vec<u8>, Failure> {
-    let axes = session.axes(&arguments.axes)?;
-    let axes = session.axes_or_all(&axes)?;
+    let axes = session.axes_or_all(&arguments.axes)?;
     session.refuse_unconfigured(&axes, "it cannot be measured")?;
     if !arguments.velocity.is_finite() {
         return Err(Failure::Usage("--velocity takes a number of rad/s".to_owned()));

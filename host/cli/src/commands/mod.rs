@@ -105,10 +105,7 @@ pub fn run(
             | Command::Doctor
             | Command::Raw { .. }
     ) || matches!(command, Command::Record(arguments) if arguments.frames.is_some());
-    let reachable = match &result {
-        Ok(()) => true,
-        Err(failure) => failure.is_from_gateway(),
-    };
+    let reachable = result.as_ref().map_or_else(Failure::is_from_gateway, |()| true);
     if in_command && reachable {
         // Refused when another host is in command, and that is well.
         let _ = session.client.release_authority();
@@ -162,8 +159,7 @@ fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {
             stop::output_off(session, axis)
         }
         Command::State { axis } => {
-            let axes = session.axes(axis.as_slice())?;
-            let axes = session.axes_or_all(&axes)?;
+            let axes = session.axes_or_all(axis.as_slice())?;
             session.print_states(&axes)
         }
         Command::Watch(arguments) => watch::run(session, arguments),

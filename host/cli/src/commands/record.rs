@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use host_protocol::StateFields;
 use mgw_client::{Client, ClientError, Transport};
 use serde_json::json;
 
@@ -19,14 +18,10 @@ const FETCH_EVERY: Duration = Duration::from_millis(10);
 
 /// Records samples, events and periods of cycles until Ctrl-C.
 pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure> {
-    let axes = session.axes(&arguments.axes)?;
-    let axes = session.axes_or_all(&axes)?;
+    let axes = session.axes_or_all(&arguments.axes)?;
     session.refuse_unconfigured(&axes, "there is nothing to record of it")?;
     let bus = arguments.frames.as_ref().map(|bus| session.bus(bus)).transpose()?;
-    let fields = match arguments.fields.as_slice() {
-        [] => states::ALL,
-        fields => StateFields::of(fields),
-    };
+    let fields = states::or_all(&arguments.fields);
     let place = arguments.written.place(arguments.file.clone());
     let recording = Recording::start(place, session.out.motors)?;
     if let Some(bus) = bus {

@@ -23,8 +23,7 @@ const TELL_LOST_EVERY: Duration = Duration::from_secs(1);
 
 /// Prints samples at the rhythm of the subscription and events as they come.
 pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> {
-    let axes = session.axes(&arguments.axes)?;
-    let mut axes = session.axes_or_all(&axes)?;
+    let mut axes = session.axes_or_all(&arguments.axes)?;
     let names = session.known_names();
     let mut seen = BTreeSet::new();
     axes.retain(|axis| seen.insert(*axis));
@@ -32,10 +31,7 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
     if axes.is_empty() {
         session.out.text("no axis is configured: there are only events to follow")?;
     }
-    let fields = match arguments.fields.as_slice() {
-        [] => states::ALL,
-        fields => StateFields::of(fields),
-    };
+    let fields = states::or_all(&arguments.fields);
     let left = arguments.count.map(|count| axes.iter().map(|axis| (*axis, count)).collect());
     let period = Duration::from_millis(arguments.period);
     session.client.subscribe(&axes, fields, period)?;
@@ -52,11 +48,7 @@ pub fn run(session: &mut Session, arguments: &WatchArgs) -> Result<(), Failure> 
         Err(Failure::Client(ClientError::Interrupted { .. })) => Ok(()),
         watched => watched,
     };
-    let reachable = match &watched {
-        Ok(()) => true,
-        Err(failure) => failure.is_from_gateway(),
-    };
-    if reachable {
+    if watched.as_ref().map_or_else(Failure::is_from_gateway, |()| true) {
         watched.and(session.client.unsubscribe().map_err(Failure::from))
     } else {
         watched

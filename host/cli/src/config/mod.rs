@@ -96,11 +96,7 @@ pub const NEW_BUS: BusConfig = BusConfig {
 impl Finding {
     /// The finding for programs.
     pub fn to_json(&self) -> serde_json::Value {
-        let (bus, axis) = match self.row {
-            Some(Subject::Bus(bus)) => (Some(bus), None),
-            Some(Subject::Axis(axis)) => (None, Some(axis)),
-            Some(Subject::Gateway) | None => (None, None),
-        };
+        let (bus, axis) = self.row.map_or((None, None), numbers);
         serde_json::json!({
             "line": self.line, "bus": bus, "axis": axis, "key": self.key,
             "name": json::snake(self.name), "message": self.text,
@@ -125,6 +121,15 @@ pub fn title(row: Subject) -> String {
     match row {
         Subject::Gateway => "gateway".to_owned(),
         Subject::Bus(_) | Subject::Axis(_) => row.to_string(),
+    }
+}
+
+/// The number of a row, as that of a bus or of an axis.
+fn numbers(row: Subject) -> (Option<u8>, Option<u8>) {
+    match row {
+        Subject::Gateway => (None, None),
+        Subject::Bus(bus) => (Some(bus), None),
+        Subject::Axis(axis) => (None, Some(axis)),
     }
 }
 
@@ -172,13 +177,7 @@ impl Configuration {
                     "exclusive" => config.exclusive = NEW_BUS.exclusive,
                     "reply_window_us" => config.reply_window_us = NEW_BUS.reply_window_us,
                     "bitrate" | "protocols" => return Err(Failure::Usage(required)),
-                    _ => {
-                        return Err(parameters::unknown(
-                            "a bus",
-                            key,
-                            BUS_KEYS.into_iter().chain([NAME]),
-                        ));
-                    }
+                    _ => return Err(no_key_of_a_bus(key)),
                 }
             }
             Subject::Axis(axis) => {
@@ -315,11 +314,8 @@ fn info(parameter: u16) -> Option<&'static ParameterInfo> {
     axis.or_else(|| GatewayParameter::from_number(parameter).map(GatewayParameter::info))
 }
 
-fn keys<K: Ord + Copy, V>(one: &BTreeMap<K, V>, other: &BTreeMap<K, V>) -> Vec<K> {
-    let mut keys: Vec<K> = one.keys().chain(other.keys()).copied().collect();
-    keys.sort_unstable();
-    keys.dedup();
-    keys
+fn keys<K: Ord + Copy, V>(one: &BTreeMap<K, V>, other: &BTreeMap<K, V>) -> BTreeSet<K> {
+    one.keys().chain(other.keys()).copied().collect()
 }
 
 /// Reads `NAME=VALUE` pairs for a row, each name once.
@@ -385,8 +381,12 @@ fn bus_key(name: &str, text: &str) -> Result<BusKey, Failure> {
             let us = number().filter(|us| (min..=max).contains(us));
             us.map(BusKey::ReplyWindow).ok_or_else(|| wrong(&format!("{min} to {max} µs")))
         }
-        _ => Err(parameters::unknown("a bus", name, BUS_KEYS.into_iter().chain([NAME]))),
+        _ => Err(no_key_of_a_bus(name)),
     }
+}
+
+fn no_key_of_a_bus(name: &str) -> Failure {
+    parameters::unknown("a bus", name, BUS_KEYS.into_iter().chain([NAME]))
 }
 
 /// The bitrates of CAN buses, or of the others, on the boards that there are.
@@ -427,11 +427,7 @@ pub fn change_to_json(change: &Change) -> serde_json::Value {
             "axis": axis, "parameter": name(parameter), "value": value.map(|value| number(parameter, value)),
         }),
         Change::Name { of, ref name } => {
-            let (bus, axis) = match of {
-                Subject::Gateway => (None, None),
-                Subject::Bus(bus) => (Some(bus), None),
-                Subject::Axis(axis) => (None, Some(axis)),
-            };
+            let (bus, axis) = numbers(of);
             let mut change = serde_json::json!({ "parameter": NAME, "value": name.as_deref() });
             for (key, number) in [("bus", bus), ("axis", axis)] {
                 if let Some(number) = number {
