@@ -3,14 +3,14 @@
 
 use std::time::Duration;
 
-use clap::ValueEnum;
 use host_protocol::replies::AxisReport;
 use host_protocol::{AxisSummary, Bytes, Error, MAX_CAN_DATA, Quantity, SlowState, parameters};
 use mgw_client::{Client, ClientError, Transport, server_port};
 use serde_json::{Value, json};
 
 use crate::args::{
-    BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice, dialect_of,
+    BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice, choice,
+    dialect_of,
 };
 use crate::commands;
 use crate::config::{self, BoardPorts, Configuration, Source};
@@ -288,14 +288,6 @@ pub fn decode(
     };
     let lines = decode::text(&args, text)?;
     Ok(lines.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
-}
-
-fn choice<T: ValueEnum>(option: &str, text: &str) -> Result<T, Failure> {
-    T::from_str(text, true).map_err(|_| {
-        let values = T::value_variants().iter().filter_map(ValueEnum::to_possible_value);
-        let names: Vec<String> = values.map(|value| value.get_name().to_owned()).collect();
-        Failure::Usage(format!("{option} is {}, not `{text}`", names.join(" or ")))
-    })
 }
 
 #[cfg(test)]

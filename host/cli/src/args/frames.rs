@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use crate::failure::Failure;
+
 #[derive(Debug, Args)]
 pub struct DecodeArgs {
     /// The captures, one after the other; `-` is standard input, as is no file at all
@@ -88,6 +90,15 @@ pub enum BusKind {
 pub enum DirectionChoice {
     Request,
     Reply,
+}
+
+/// One of the values of an option, where clap does not read it.
+pub fn choice<T: ValueEnum>(option: &str, text: &str) -> Result<T, Failure> {
+    T::from_str(text, true).map_err(|_| {
+        let values = T::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+        let names: Vec<String> = values.map(|value| value.get_name().to_owned()).collect();
+        Failure::Usage(format!("{option} is {}, not `{text}`", names.join(" or ")))
+    })
 }
 
 /// A dialect by its name; else which there are.

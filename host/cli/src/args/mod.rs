@@ -30,7 +30,8 @@ pub use delays::{DelaysArgs, Told};
 pub use finding::{AdoptArgs, Bitrates, FactoryMotor, ScanArgs, ScanCommand, ScanTarget};
 pub use flight::{Around, ShowTripArgs, TripsAction};
 pub use frames::{
-    BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice, dialect_of,
+    BusKind, CodecChoice, DecodeArgs, DirectionChoice, EncodeArgs, ProtocolChoice, choice,
+    dialect_of,
 };
 pub use motion::{
     CycleArgs, CycleTarget, JogArgs, Mode, MoveArgs, NativeArgs, SetArgs, Target, TogetherArgs,

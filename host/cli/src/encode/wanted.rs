@@ -1,9 +1,7 @@
 //! What the words after `mgw encode` ask for. Field names depend on the command, so these words are
 //! read here and not by clap; its options may stand among them too.
 
-use clap::ValueEnum;
-
-use crate::args::{BusKind, CodecChoice, EncodeArgs};
+use crate::args::{BusKind, CodecChoice, EncodeArgs, choice};
 use crate::failure::Failure;
 
 /// A frame to build, or a list to print.
@@ -58,8 +56,8 @@ impl Wanted {
                     let value = given.or_else(|| words.next().cloned());
                     let value = value.ok_or_else(|| usage(format!("`{word}` has no value")))?;
                     match name {
-                        "protocol" => once(&mut protocol, name, choice(name, &value)?)?,
-                        "bus" => once(&mut bus, name, choice(name, &value)?)?,
+                        "protocol" => once(&mut protocol, name, choice("--protocol", &value)?)?,
+                        "bus" => once(&mut bus, name, choice("--bus", &value)?)?,
                         "node" => once(&mut node, name, value)?,
                         "can-id" => once(&mut can_id, name, value)?,
                         field => fields.push((field.replace('-', "_"), value)),
@@ -130,17 +128,6 @@ fn to(text: &str) -> Result<To, Failure> {
         .and_then(|number| (0..=u8::MAX).find(|node| f64::from(*node) == number))
         .map(To::Node)
         .ok_or_else(|| usage(format!("`{text}` is no node. Give the number of a motor, or `all`")))
-}
-
-fn choice<T: ValueEnum>(option: &str, text: &str) -> Result<T, Failure> {
-    T::from_str(text, true).map_err(|_| {
-        let names: Vec<String> = T::value_variants()
-            .iter()
-            .filter_map(|value| value.to_possible_value())
-            .map(|value| value.get_name().to_owned())
-            .collect();
-        usage(format!("--{option} is {}, not `{text}`", names.join(" or ")))
-    })
 }
 
 /// A number, decimal or with `0x`, or a switch as a word.

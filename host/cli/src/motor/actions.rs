@@ -281,7 +281,7 @@ pub fn function(run: &mut Run<'_>, name: FunctionName, state: OnOff) -> Result<(
     if run.ask_rmd(&Request::Function { function })? != (Reply::Function { function }) {
         return Err(run.unconfirmed("it does not echo the function"));
     }
-    echoed(run, "function")
+    echoed(run, "function", &[])
 }
 
 fn on_off(on: bool) -> &'static str {
@@ -289,9 +289,9 @@ fn on_off(on: bool) -> &'static str {
 }
 
 /// What can be confirmed by nothing but the motor's echo.
-fn echoed(run: &Run<'_>, what: &str) -> Result<(), Failure> {
-    let note = "the motor has repeated the command; nothing reads it back".to_owned();
-    run.report(what, &Values::new(), None, &[note])
+fn echoed(run: &Run<'_>, what: &str, notes: &[String]) -> Result<(), Failure> {
+    let echo = "the motor has repeated the command; nothing reads it back".to_owned();
+    run.report(what, &Values::new(), None, &[&[echo], notes].concat())
 }
 
 /// What a thruster returns to TC and VC.
@@ -346,13 +346,11 @@ fn thruster_setting(
         return Err(lacks(&run.motor, "only a thruster has that", ""));
     }
     run.motor.thruster(&request)?;
-    if !matches!(what, "reports") {
+    if what != "reports" {
         run.agree(&format!("changes its {what}, which it keeps"))?;
     }
     if run.ask_thruster(&request)? != wanted {
         return Err(run.unconfirmed("it does not repeat the command"));
     }
-    let echo = "the motor has repeated the command; nothing reads it back".to_owned();
-    let notes: Vec<String> = std::iter::once(echo).chain(notes.iter().cloned()).collect();
-    run.report(what, &Values::new(), None, &notes)
+    echoed(run, what, notes)
 }
