@@ -7,8 +7,6 @@ use host_protocol::{
     TripReason,
 };
 
-use super::rate::Rate;
-
 /// An axis, its state, and what it told last.
 #[derive(Debug, Clone)]
 pub struct Axis {
@@ -26,8 +24,6 @@ pub struct Axis {
     pub state: AxisState,
     /// Why it tripped, while it is tripped and that is known.
     pub trip: Option<TripReason>,
-    /// Its samples.
-    pub samples: Rate,
     sample: Option<(Duration, Event)>,
 }
 
@@ -42,7 +38,6 @@ impl Axis {
             node: summary.node,
             state: summary.state,
             trip: None,
-            samples: Rate::default(),
             sample: None,
         }
     }
@@ -64,7 +59,6 @@ impl Axis {
             Event::Sample { state, .. } => {
                 self.set_state(*state);
                 self.sample = Some((now, *event));
-                self.samples.count(1);
             }
             Event::Tripped { trip, .. } => {
                 self.state = AxisState::Tripped { confirmed: false };

@@ -140,7 +140,7 @@ impl Live {
             axis.take(&message.event, now);
         }
         match message.event {
-            Event::Sample { .. } => self.samples.count(1),
+            Event::Sample { .. } => self.samples.count(),
             Event::Tripped { axis, trip } => {
                 self.log.tripped(axis, &trip, words::event(message, &self.motors));
             }
@@ -150,10 +150,9 @@ impl Live {
         }
     }
 
-    /// Time has passed: the rates are those of the last second.
+    /// Time has passed: the rate is that of the last second.
     pub fn tick(&mut self, now: Duration) {
         self.samples.tick(now);
-        self.axes.iter_mut().for_each(|axis| axis.samples.tick(now));
     }
 }
 

@@ -19,9 +19,9 @@ impl Rate {
         Self { since: now, ..Self::default() }
     }
 
-    /// It has happened.
-    pub fn count(&mut self, times: u64) {
-        self.count += times;
+    /// It has happened once more.
+    pub fn count(&mut self) {
+        self.count += 1;
     }
 
     /// Time has passed.
