@@ -123,9 +123,18 @@ pub fn agree(session: &mut Session, yes: bool, what: &str) -> Result<(), Failure
     }
 }
 
+/// Whether colours are wanted.
+pub fn has_colour() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
+/// Whether the terminal does nothing but print.
+pub fn is_dumb() -> bool {
+    std::env::var_os("TERM").is_some_and(|terminal| terminal == "dumb")
+}
+
 /// The name of the program before a failure: red on a terminal, unless NO_COLOR says otherwise.
 pub fn failed() -> &'static str {
-    let unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty())
-        || std::env::var_os("TERM").is_some_and(|terminal| terminal == "dumb");
-    if io::stderr().is_terminal() && !unwanted { "\u{1b}[1;31mmgw:\u{1b}[0m" } else { "mgw:" }
+    let is_red = io::stderr().is_terminal() && has_colour() && !is_dumb();
+    if is_red { "\u{1b}[1;31mmgw:\u{1b}[0m" } else { "mgw:" }
 }

@@ -179,9 +179,13 @@ pub fn event(message: &EventMessage, motors: &Protocols) -> String {
     format!("t={}  {what}{lost}", seconds(message.time_us))
 }
 
-/// An input that is closed in the normal state.
+/// Of an input, which is closed in the normal state, or of a bus to raw frames.
 pub fn open_or_closed(open: bool) -> &'static str {
     if open { "open" } else { "closed" }
+}
+
+pub fn yes_or_no(flag: bool) -> &'static str {
+    if flag { "yes" } else { "no" }
 }
 
 fn event_in_words(event: &Event, motors: &Protocols) -> String {

@@ -66,16 +66,15 @@ pub fn run(session: &mut Session, bus: Option<u8>) -> Result<(), Failure> {
 
 fn setup_row(bus: u8, report: &BusReport) -> [String; 9] {
     let config = report.config;
-    let yes_or_no = |flag: bool| if flag { "yes" } else { "no" }.to_owned();
     [
         bus.to_string(),
         report.state.to_string(),
         or_nothing(config.map(|config| config.bitrate)),
         or_nothing(config.map(|config| words::protocols(config.protocols))),
-        or_nothing(config.map(|config| yes_or_no(config.exclusive))),
+        or_nothing(config.map(|config| words::yes_or_no(config.exclusive))),
         or_nothing(config.map(|config| config.reply_window_us)),
         report.transmit_errors.to_string(),
         report.receive_errors.to_string(),
-        if report.raw_open { "open" } else { "closed" }.to_owned(),
+        words::open_or_closed(report.raw_open).to_owned(),
     ]
 }

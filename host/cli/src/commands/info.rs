@@ -41,7 +41,7 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
             format!(
                 "{} trips and starts, crash report: {}; see mgw trips",
                 hello.trips_recorded,
-                yes_or_no(hello.has_crash_report)
+                words::yes_or_no(hello.has_crash_report)
             ),
         ),
         ("command", status.holder.map_or("nobody".to_owned(), |link| format!("host link {link}"))),
@@ -113,8 +113,4 @@ pub fn e_stop(status: &GatewayReport) -> String {
         Some(open) => format!("{latched}, input {}", words::open_or_closed(open)),
         None => format!("{latched}, no input"),
     }
-}
-
-fn yes_or_no(flag: bool) -> &'static str {
-    if flag { "yes" } else { "no" }
 }

@@ -16,6 +16,7 @@ use ratatui::widgets::Paragraph;
 
 use crate::failure::Failure;
 use crate::output::Output;
+use crate::terminal;
 
 /// Refuses where there is nothing to draw on, and says what does without.
 pub fn refuse_without_terminal(out: Output) -> Result<(), Failure> {
@@ -27,17 +28,12 @@ pub fn refuse_without_terminal(out: Output) -> Result<(), Failure> {
         "top draws on a terminal, and standard output is none"
     } else if !io::stdin().is_terminal() {
         "top follows the keys of a terminal, and standard input is none"
-    } else if std::env::var_os("TERM").is_some_and(|terminal| terminal == "dumb") {
+    } else if terminal::is_dumb() {
         "top places text on a terminal, and TERM=dumb cannot"
     } else {
         return Ok(());
     };
     Err(Failure::Usage(format!("{wrong}; {instead}")))
-}
-
-/// Whether colours are wanted.
-pub fn has_colour() -> bool {
-    std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 /// The terminal; as it was before when this is dropped.

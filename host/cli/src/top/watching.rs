@@ -7,7 +7,7 @@ use std::time::Duration;
 use host_protocol::StopTarget;
 use mgw_client::{ClientError, Interrupt, StopRequest, stop_before_hello};
 
-use super::display::{self, Display};
+use super::display::Display;
 use super::keys::Wish;
 use super::screen;
 use super::suspension::Suspension;
@@ -19,6 +19,7 @@ use crate::live::{Link, Live};
 use crate::names::Names;
 use crate::session::Session;
 use crate::states;
+use crate::terminal;
 
 /// The keys and the time are looked at this often.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -70,7 +71,7 @@ impl Watching {
     /// Of a session that is open.
     pub fn new(session: Session, port: &str, period: Duration, display: Display) -> Self {
         let now = session.client.now();
-        let view = View { colour: display::has_colour(), ..View::default() };
+        let view = View { colour: terminal::has_colour(), ..View::default() };
         let mut watching = Self {
             session,
             live: Live::of(port),
