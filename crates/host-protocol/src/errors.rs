@@ -273,8 +273,8 @@ errors! {
     39 QueueFull { bus: u8 } "too many frames wait for bus {bus}; send more slowly";
     /// The bus carries an axis that is not idle, so it cannot be configured.
     40 BusInUse { bus: u8, axis: u8 }
-        "axis {axis} on bus {bus} is not idle; disarm or clear it first, or switch its motor's output \
-        off if that holds";
+        "axis {axis} on bus {bus} is not idle; disarm or clear it first, or, where the axis is \
+        holding, switch its motor's output off";
     /// The axis has not tripped, or its motor confirms its stop: it has nothing that the request
     /// clears.
     41 NothingToClear { axis: u8 }

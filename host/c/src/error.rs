@@ -49,9 +49,9 @@ impl From<ClientError> for Failure {
     fn from(error: ClientError) -> Self {
         let result = match &error {
             ClientError::Gateway(_) | ClientError::Incompatible { .. } => mgw_result::Refused,
-            ClientError::NamedTwice { .. } | ClientError::TooLong { .. } => {
-                mgw_result::WrongArgument
-            }
+            ClientError::NamedTwice { .. }
+            | ClientError::NoSuchAxis { .. }
+            | ClientError::TooLong { .. } => mgw_result::WrongArgument,
             ClientError::StopUnanswered { .. } => mgw_result::StopNotConfirmed,
             ClientError::NoAnswer { .. } | ClientError::UnreadableReply { .. } => {
                 mgw_result::NoAnswer

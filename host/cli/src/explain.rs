@@ -225,6 +225,7 @@ impl Page {
             ClientError::Connect(_) => Self::NoPort,
             ClientError::Interrupted { .. }
             | ClientError::NamedTwice { .. }
+            | ClientError::NoSuchAxis { .. }
             | ClientError::TooLong { .. } => return None,
         })
     }

@@ -251,6 +251,7 @@ fn client_name(error: &ClientError) -> &'static str {
         ClientError::Incompatible { .. } => "Incompatible",
         ClientError::UnreadableReply { .. } => "UnreadableReply",
         ClientError::NamedTwice { .. } => "NamedTwice",
+        ClientError::NoSuchAxis { .. } => "NoSuchAxis",
         ClientError::TooLong { .. } => "TooLong",
         ClientError::BaudFailed { .. } => "BaudFailed",
         ClientError::LinksTaken => "LinksTaken",

@@ -73,8 +73,8 @@ impl<T: Transport> Client<T> {
     /// [`cycle`](Self::cycle) and every [setpoint](Self::set) of them.
     ///
     /// # Errors
-    /// As [`request`](Self::request). An axis beyond [`LAST_AXIS`] is [`ClientError::NamedTwice`]
-    /// too, as it has no bit of its own.
+    /// As [`request`](Self::request); [`ClientError::NamedTwice`] and [`ClientError::NoSuchAxis`]
+    /// before anything is sent.
     pub fn arm_together(&mut self, axes: &[u8]) -> Result<u32, ClientError> {
         let request = ask::ArmTogether { axes: mask(axes.iter().copied())? };
         self.heed_interrupt(ask::ArmTogether::NUMBER)?;
@@ -149,8 +149,11 @@ impl<T: Transport> Client<T> {
 fn mask(axes: impl Iterator<Item = u8>) -> Result<u32, ClientError> {
     let mut mask = 0_u32;
     for axis in axes {
-        let bit = 1_u32.checked_shl(axis.into()).filter(|bit| mask & bit == 0);
-        mask |= bit.ok_or(ClientError::NamedTwice { axis })?;
+        let bit = 1_u32.checked_shl(axis.into()).ok_or(ClientError::NoSuchAxis { axis })?;
+        if mask & bit != 0 {
+            return Err(ClientError::NamedTwice { axis });
+        }
+        mask |= bit;
     }
     Ok(mask)
 }

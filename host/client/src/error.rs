@@ -47,9 +47,14 @@ pub enum ClientError {
         /// Number of the reply.
         number: u16,
     },
-    /// An axis is named twice where each can be named once, or its number is above [`LAST_AXIS`].
+    /// An axis is named twice where each can be named once.
     NamedTwice {
         /// Which.
+        axis: u8,
+    },
+    /// The number of an axis is above [`LAST_AXIS`].
+    NoSuchAxis {
+        /// The number.
         axis: u8,
     },
     /// The request is longer than a message may be.
@@ -91,7 +96,7 @@ impl fmt::Display for ClientError {
                 in_words(request),
                 after.as_millis()
             ),
-            Self::NamedTwice { axis } if *axis > LAST_AXIS => {
+            Self::NoSuchAxis { axis } => {
                 write!(f, "there is no axis {axis}: the axes of a request are 0 to {LAST_AXIS}")
             }
             Self::NamedTwice { axis } => {

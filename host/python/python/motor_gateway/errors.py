@@ -76,6 +76,7 @@ _CLASSES: Dict[str, Type[MotorGatewayError]] = {
     "Reentered": InterruptedCallError,
     "Usage": UsageError,
     "NamedTwice": UsageError,
+    "NoSuchAxis": UsageError,
     "TooLong": UsageError,
     "Refused": UsageError,
     "Configuration": ConfigurationError,
