@@ -33,7 +33,11 @@ pub fn asked_for(
         Command::Stop { target: TypedStop::Axis(Typed::Number(axis)) } => StopTarget::Axis(*axis),
         Command::Stop { target: TypedStop::Axis(typed) } => {
             match names_before_hello(transport, NAMES_PATIENCE) {
-                Ok(names) => StopTarget::Axis(Names::from(names).find_axis(typed)?),
+                Ok(names) => StopTarget::Axis(
+                    Names::from(names)
+                        .find_axis(typed)
+                        .map_err(|why| Failure::Usage(format!("nothing was stopped: {why}")))?,
+                ),
                 Err(error) => {
                     out.aside(format!(
                         "which axis {typed} is is not told ({error}): all are stopped"

@@ -88,7 +88,10 @@ fn a_wrong_name_is_answered_with_what_there_is() {
             &["set", "lefft", "velocity", "1"][..],
             "no axis is called `lefft`; there are: left (0), prop (1)",
         ),
-        (&["stop", "Left"], "no axis is called `Left`; there are: left (0), prop (1)"),
+        (
+            &["stop", "Left"],
+            "nothing was stopped: no axis is called `Left`; there are: left (0), prop (1)",
+        ),
         (&["raw", "left", "listen"], "no bus is called `left`; there are: arm_bus (0)"),
         (&["arm", "0:1"], "takes a number from 0 to 255, or a name: letters, digits, - and _"),
         (&["clear", "2nd"], "must be the number or the name of an axis, or `gateway`"),
