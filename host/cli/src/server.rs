@@ -136,11 +136,16 @@ fn tell(out: Output, line: &str) -> Result<(), Failure> {
 #[cfg(unix)]
 fn unix(path: &std::path::Path) -> Result<Listener, Failure> {
     use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
-    use std::os::unix::net::{UnixListener, UnixStream};
+    use std::os::unix::net::UnixListener;
     let failed = |source| Failure::Server { address: path.display().to_string(), source };
-    if UnixStream::connect(path).is_ok() {
+    let told = match mgw_client::open(&format!("unix:{}", path.display())) {
+        Ok(_) => Some("answers"),
+        Err(error) if find::hangs(&error) => Some("hangs"),
+        Err(_) => None,
+    };
+    if let Some(does) = told {
         return Err(Failure::Usage(format!(
-            "a server runs already: {} answers. Give another --socket and --listen for a second \
+            "a server runs already: {} {does}. Give another --socket and --listen for a second \
                 gateway",
             path.display()
         )));

@@ -6,7 +6,7 @@ use std::io::{self, BufRead, IsTerminal, Write};
 use std::time::Duration;
 
 use host_protocol::{Subject, is_name};
-use mgw_client::{Transport, names_before_hello, open, server_port};
+use mgw_client::{ConnectError, Transport, names_before_hello, open, server_port};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::failure::Failure;
@@ -41,10 +41,17 @@ pub fn open_port(
 ) -> Result<(String, Box<dyn Transport>), Failure> {
     if named.is_none()
         && let Some(port) = server_port()
-        && let Ok(transport) = open(&port)
     {
-        out.aside(format!("through the server at {port}"));
-        return Ok((port, transport));
+        match open(&port) {
+            Ok(transport) => {
+                out.aside(format!("through the server at {port}"));
+                return Ok((port, transport));
+            }
+            // It has the cable.
+            Err(error) if hangs(&error) => return Err(refused::explain(error)),
+            // One that has ended leaves its socket behind.
+            Err(_) => {}
+        }
     }
     let port = match named {
         Some(name) => called(name, system_ports(), name_of).unwrap_or_else(|| name.to_owned()),
@@ -61,6 +68,11 @@ pub fn open_port(
         Ok(transport) => Ok((port, transport)),
         Err(error) => Err(refused::explain(error)),
     }
+}
+
+/// Whether it is a server that runs and takes no connection.
+pub fn hangs(error: &ConnectError) -> bool {
+    matches!(error, ConnectError::Server { source, .. } if source.kind() == io::ErrorKind::TimedOut)
 }
 
 /// The port that was named, or the only one that may lead to a gateway; nobody is asked.

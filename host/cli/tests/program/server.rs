@@ -192,3 +192,31 @@ fn a_second_server_is_refused_and_the_socket_of_a_dead_one_is_not_in_its_way() {
     let _again = Server::start(&sim.port, &[]);
     server.mgw(&["info"]).success();
 }
+
+/// It owns the cable, so that there is no other way to the gateway.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_server_that_hangs_is_named_and_neither_passed_over_nor_replaced() {
+    use socket2::{Domain, SockAddr, Socket, Type};
+    let path = std::env::temp_dir().join(format!("mgw-hung-server-{}", std::process::id()));
+    let _ = std::fs::remove_file(&path);
+    let socket = || Socket::new(Domain::UNIX, Type::STREAM, None).unwrap();
+    let (listener, address) = (socket(), SockAddr::unix(&path).unwrap());
+    listener.bind(&address).unwrap();
+    listener.listen(0).unwrap();
+    let connects = || {
+        let one = socket();
+        one.set_nonblocking(true).unwrap();
+        one.connect(&address).is_ok().then_some(one)
+    };
+    let _waiting: Vec<Socket> = std::iter::from_fn(connects).collect();
+    let socket = path.to_str().unwrap();
+    let text = outcome_of(&["stop"], &[("MGW_SOCKET", socket), ("MGW_PORT", "")]).failure(1);
+    assert!(text.contains(socket) && text.contains("it hangs and takes no connection"), "{text}");
+    let sim = Sim::start();
+    let line = ["--port", &sim.port, "serve", "--listen", "127.0.0.1:0", "--socket", socket];
+    let text = mgw(&line).failure(2);
+    assert!(text.contains(&format!("a server runs already: {socket} hangs")), "{text}");
+    assert!(path.exists(), "it was taken away");
+    std::fs::remove_file(&path).unwrap();
+}
