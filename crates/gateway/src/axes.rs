@@ -92,9 +92,12 @@ pub(crate) struct Axes {
     stale: Set,
     #[serde(skip)]
     kept: Kept,
-    /// When the first of them is due; `None` where that has to be worked out.
+    /// None of them is due before this.
     #[serde(skip)]
-    first_due: Option<Instant>,
+    none_due_before: Instant,
+    /// One of them is due then, or none ever.
+    #[serde(skip)]
+    is_first_known: bool,
     /// Buses whose traffic is another one than they know.
     new_traffic: Set,
     #[serde(deserialize_with = "all")]
@@ -133,7 +136,8 @@ impl Axes {
             used: Set::NONE,
             stale: Set::NONE,
             kept: Kept::NONE,
-            first_due: None,
+            none_due_before: Instant::from_micros(0),
+            is_first_known: false,
             new_traffic: Set::NONE,
         }
     }
@@ -220,9 +224,10 @@ impl Axes {
     /// When the first axis must be looked at again; [`Instant::NEVER`] where time alone changes
     /// none.
     pub fn first_due(&mut self) -> Instant {
-        let first = self.first_due.unwrap_or_else(|| self.work_out_first_due());
-        self.first_due = Some(first);
-        first
+        if !self.is_first_known {
+            (self.none_due_before, self.is_first_known) = (self.work_out_first_due(), true);
+        }
+        self.none_due_before
     }
 
     fn work_out_first_due(&self) -> Instant {
@@ -231,9 +236,9 @@ impl Axes {
     }
 
     /// The axes to which time alone has brought something.
-    pub fn due(&self, now: Instant) -> Set {
+    pub fn due(&mut self, now: Instant) -> Set {
         let overdue = self.which(Is::Overdue);
-        let is_later = self.first_due.is_some_and(|at| at > now);
+        let is_later = self.none_due_before > now || self.first_due() > now;
         if is_later { overdue } else { overdue.with(self.due_by(now)) }
     }
 
@@ -246,7 +251,7 @@ impl Axes {
     /// are or were on. `after`: what was due until then has been done.
     pub fn settle(&mut self, now: Instant, after: Instant) -> Set {
         // What becomes ready meanwhile is asked for before its tick comes.
-        let is_later = now > after && self.first_due.is_none_or(|at| at <= now);
+        let is_later = now > after && self.none_due_before <= now;
         let ripe = if is_later { self.due_by(now) } else { Set::NONE };
         let touched = self.touched.take();
         self.used.add(touched);
@@ -264,12 +269,12 @@ impl Axes {
             buses.add(on);
             is_new_traffic |= is_new;
             let due = self.kept.due(index);
-            // Another one may be first where this one was.
-            self.first_due = match self.first_due {
-                Some(first) if due <= first => Some(due),
-                Some(first) if before > first => Some(first),
-                _ => None,
-            };
+            if due <= self.none_due_before {
+                (self.none_due_before, self.is_first_known) = (due, true);
+            } else if before <= self.none_due_before {
+                // Another one may be first where this one was.
+                self.is_first_known = false;
+            }
         }
         self.new_traffic.add(if is_new_traffic { buses } else { Set::NONE });
         buses
@@ -320,6 +325,8 @@ impl Axes {
         }
         assert_eq!(self.touched, Set::NONE, "axes that are not settled");
         assert_eq!(fresh, self.kept);
-        assert!(self.first_due.is_none_or(|at| at == self.work_out_first_due()), "first due");
+        let first = self.work_out_first_due();
+        assert!(self.none_due_before <= first, "none due before");
+        assert!(!self.is_first_known || self.none_due_before == first, "first due");
     }
 }
