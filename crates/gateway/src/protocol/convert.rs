@@ -91,11 +91,13 @@ impl Scale {
         self.count_to_si(count.into())
     }
 
+    #[inline(never)]
     fn count_to_si(&self, count: i32) -> f32 {
         let product = u64::from(count.unsigned_abs()) * self.in_si.mantissa;
-        let power = (self.in_si.exponent + EXPONENT_BIAS).cast_unsigned() << FRACTION_BITS;
+        let (highest, places) = highest_bits(product);
+        let exponent = self.in_si.exponent + EXPONENT_BIAS + places;
         #[allow(clippy::cast_precision_loss)]
-        let magnitude = product as f32 * f32::from_bits(power);
+        let magnitude = highest as f32 * f32::from_bits(exponent.cast_unsigned() << FRACTION_BITS);
         if count < 0 { -magnitude } else { magnitude }
     }
 
@@ -117,6 +119,16 @@ impl Scale {
         };
         fit(turned, quantity, value, range)
     }
+}
+
+/// The 32 highest bits of a product, the lowest of which stands for all behind it, and how many
+/// those are: the processor makes an f32 of 32 bits, and of 64 a library does.
+#[allow(clippy::cast_possible_truncation)]
+fn highest_bits(product: u64) -> (u32, i32) {
+    let places = u32::BITS - ((product >> u32::BITS) as u32).leading_zeros();
+    let highest = (product >> places) as u32;
+    let has_more = u64::from(highest) << places != product;
+    (highest | u32::from(has_more), places.cast_signed())
 }
 
 /// Degrees in one radian.

@@ -102,3 +102,31 @@ fn wire_units_come_back_in_si() {
     assert_eq!(HUNDREDTHS.to_si(-150), -1.5);
     assert_eq!(TENTHS.to_si(241), 24.1);
 }
+
+#[test]
+fn the_highest_bits_of_a_product_make_the_f32_that_all_of_them_make() {
+    let is_same = |product: u64| {
+        let (highest, places) = highest_bits(product);
+        let of_all = product as f32;
+        assert_eq!(highest as f32 * (places as f32).exp2(), of_all, "{product:#x}");
+    };
+    // Around each place where the 24 bits of an f32 end: less than a half behind them, a half, more.
+    for shift in 0..40 {
+        for (mantissa, behind) in
+            [(0x80_0000_u64, 0), (0x80_0001, 0), (0xFF_FFFF, 1), (0xA5_5A5B, 1)]
+        {
+            let ends = mantissa << shift;
+            let half = 1_u64 << shift >> 1;
+            for near in [ends, ends + half, (ends + half).saturating_sub(1), ends + half + behind] {
+                is_same(near);
+            }
+        }
+    }
+    for count in [0, 1, 2, u64::MAX >> 1, 1 << 32, (1 << 32) - 1, (1 << 32) + 1, 1 << 62] {
+        is_same(count);
+    }
+    let mut random = fastrand::Rng::with_seed(0x9E37_79B9);
+    for _ in 0..200_000 {
+        is_same(random.u64(..) >> random.u32(1..64));
+    }
+}
