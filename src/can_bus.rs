@@ -31,11 +31,6 @@ impl CanBus {
         Self { bus, port, setup: None, is_stale: true, controller: None, reported: None, losses }
     }
 
-    /// Its number.
-    pub fn number(&self) -> u8 {
-        self.bus
-    }
-
     /// Cancels what the core has replaced and hands over what it wants sent, as long as the
     /// controller is on the bus and has room. Returns whether there was something. A bus that must
     /// run otherwise is left to its task.

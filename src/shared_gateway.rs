@@ -110,8 +110,12 @@ impl Parts {
     /// was one.
     fn serve_can(&mut self, now: Instant, changes: Changes) -> bool {
         let Self { core, can, .. } = self;
-        let changed = can.iter_mut().flatten().filter(|bus| changes.buses.has(bus.number()));
-        changed.filter_map(|bus| bus.serve(core, now).then_some(())).count() > 0
+        let mut has_served = false;
+        for bus in changes.buses {
+            let can_bus = can.get_mut(bus).and_then(Option::as_mut);
+            has_served |= can_bus.is_some_and(|can_bus| can_bus.serve(core, now));
+        }
+        has_served
     }
 }
 
