@@ -168,12 +168,13 @@ impl Replies {
         }
         let is_free =
             |at: &usize| self.entries.get(*at).is_some_and(|entry| entry.state == State::Sent);
-        let found = (self.next..WINDOW).chain(0..self.next).find(is_free);
+        // A snapshot may say anything of the first one.
+        let found = (0..WINDOW).map(|turn| self.next.wrapping_add(turn) % WINDOW).find(is_free);
         let Some(index) = found else { return Reserved::Full };
         let Some(entry) = self.entries.get_mut(index) else { return Reserved::Full };
         let now = self.requests.wrapping_add(1);
         (entry.state, entry.order) = (State::Executing, now);
-        self.next = (index + 1) % WINDOW;
+        self.next = index + 1;
         // Nobody reads it any more, and a snapshot has room for it.
         entry.length = 0;
         self.requests = now;

@@ -409,3 +409,20 @@ fn the_longest_messages_pass() {
     link.link.reply(slot, Ok(&Reply::Hello(reply)));
     assert!(sent(&mut link).unwrap().len() > 470);
 }
+
+#[test]
+fn a_snapshot_whose_next_place_is_none_gives_every_place_away() {
+    // Eight replies of no bytes that are sent, no request remembered, and the highest number.
+    let mut snapshot = [3, 0, 0].repeat(8);
+    snapshot.extend([0; 16 + 1]);
+    snapshot.extend([0xFF; 9]);
+    snapshot.extend([1, 0]);
+    let mut replies: Replies = postcard::from_bytes(&snapshot).unwrap();
+    let mut deframer = host_protocol::Deframer::new();
+    for sequence in 1..=9 {
+        let given = bytes(Ping {}, sequence);
+        let frame = deframer.take(&mut &given[..]).unwrap().unwrap();
+        let is_slot = matches!(replies.reserve(Identity::of(&frame)), Reserved::Slot(_));
+        assert_eq!(is_slot, sequence <= 8, "{sequence}");
+    }
+}
