@@ -31,6 +31,18 @@ fn with(
     (line, client, notes)
 }
 
+/// A healthy one that restarts behind its open line: its clock goes back by so many µs.
+fn that_restarts() -> (Rc<Cell<u64>>, Client<Scripted>, Notes) {
+    let restarted = Rc::new(Cell::new(0));
+    let back_us = restarted.clone();
+    let (_, client, notes) = with(move |heard| {
+        let Heard { sequence, times, .. } = *heard;
+        let time_us = heard.time_us - back_us.get();
+        Some(healthy(&Heard { sequence, request: heard.request.clone(), time_us, times }))
+    });
+    (restarted, client, notes)
+}
+
 fn times(notes: &Notes, name: &str) -> Vec<u64> {
     notes.borrow().iter().filter(|(_, of)| *of == name).map(|(at, _)| *at).collect()
 }
@@ -103,13 +115,7 @@ fn an_arming_that_takes_long_is_asked_for_until_it_is_answered() {
 
 #[test]
 fn a_gateway_that_restarts_behind_an_open_line_is_subscribed_to_again() {
-    let restarted = Rc::new(Cell::new(0));
-    let back_us = restarted.clone();
-    let (_, mut client, notes) = with(move |heard| {
-        let Heard { sequence, times, .. } = *heard;
-        let time_us = heard.time_us - back_us.get();
-        Some(healthy(&Heard { sequence, request: heard.request.clone(), time_us, times }))
-    });
+    let (restarted, mut client, notes) = that_restarts();
     let fields = StateFields::of(&[StateField::Position]);
     client.subscribe(&[0], fields, Duration::from_millis(100)).unwrap();
     let rounds = |client: &mut Client<Scripted>| {
@@ -139,13 +145,7 @@ fn a_gateway_that_restarts_behind_an_open_line_is_greeted_again() {
         },
     ];
     for way in ways {
-        let restarted = Rc::new(Cell::new(0));
-        let back_us = restarted.clone();
-        let (_, mut client, notes) = with(move |heard| {
-            let Heard { sequence, times, .. } = *heard;
-            let time_us = heard.time_us - back_us.get();
-            Some(healthy(&Heard { sequence, request: heard.request.clone(), time_us, times }))
-        });
+        let (restarted, mut client, notes) = that_restarts();
         let greeted = |client: &mut Client<Scripted>| {
             notes.borrow_mut().clear();
             for _ in 0..10 {
