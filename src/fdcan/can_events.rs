@@ -5,17 +5,20 @@
 //! lost in that FIFO nor those dropped behind it, and does not say which frame was sent; so all of
 //! the controller's interrupts are routed to its second line, which the driver leaves free.
 
+use core::cell::RefCell;
+use core::future::poll_fn;
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::task::Poll;
 
 use embassy_stm32::can;
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::pac::can::Fdcan;
 use embassy_stm32::pac::can::regs::Txbcie;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
-use embassy_sync::signal::Signal;
+use embassy_sync::blocking_mutex::CriticalSectionMutex;
+use embassy_sync::waitqueue::AtomicWaker;
 use gateway::port::TRANSMIT_SLOTS;
+use heapless::Deque;
 
 use super::element::{self, FRAME_WORDS};
 use super::message_ram::{MessageRam, TRANSMIT_PLACES};
@@ -45,22 +48,36 @@ pub enum CanEvent {
     Received([u32; FRAME_WORDS]),
 }
 
-/// "One of the controllers has an event."
-static WAITING: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+/// One of the controllers may have an event, and the task has been woken for it.
+static WAITING: AtomicBool = AtomicBool::new(false);
+/// The task that looks.
+static TASK: AtomicWaker = AtomicWaker::new();
 
 /// Waits until one of the controllers may have an event. For one task.
 pub fn waiting() -> impl Future<Output = ()> + Unpin {
-    WAITING.wait()
+    poll_fn(|context| {
+        if !take(&WAITING) {
+            TASK.register(context.waker());
+            // It may have come meanwhile.
+            if !take(&WAITING) {
+                return Poll::Pending;
+            }
+        }
+        Poll::Ready(())
+    })
 }
 
 /// Has the task of [`waiting`] look.
 pub fn look() {
-    WAITING.signal(());
+    if !WAITING.load(Ordering::Relaxed) {
+        WAITING.store(true, Ordering::Relaxed);
+        TASK.wake();
+    }
 }
 
 /// The events of one controller.
 pub struct CanEvents {
-    queue: Channel<CriticalSectionRawMutex, CanEvent, DEPTH>,
+    queue: CriticalSectionMutex<RefCell<Deque<CanEvent, DEPTH>>>,
     /// There may be something: what is set below, or in the queue.
     any: AtomicBool,
     /// Set however often they come: they take no place from a frame.
@@ -74,7 +91,7 @@ impl CanEvents {
     /// None yet.
     pub const fn new() -> Self {
         Self {
-            queue: Channel::new(),
+            queue: CriticalSectionMutex::new(RefCell::new(Deque::new())),
             any: AtomicBool::new(false),
             cancellation_finished: AtomicBool::new(false),
             error_state: AtomicBool::new(false),
@@ -84,7 +101,7 @@ impl CanEvents {
 
     /// Forgets everything.
     pub fn clear(&self) {
-        self.queue.clear();
+        self.queue.lock(|queue| queue.borrow_mut().clear());
         self.cancellation_finished.store(false, Ordering::Relaxed);
         self.error_state.store(false, Ordering::Relaxed);
         self.lost.store(0, Ordering::Relaxed);
@@ -108,7 +125,7 @@ impl CanEvents {
 
     /// The next event.
     pub fn take(&self) -> Option<CanEvent> {
-        self.queue.try_receive().ok()
+        self.queue.lock(|queue| queue.borrow_mut().pop_front())
     }
 
     /// Whether the controller has dealt with a request to cancel a frame since the last call.
@@ -136,19 +153,27 @@ impl CanEvents {
     }
 
     fn received(&self, frame: [u32; FRAME_WORDS]) {
-        if self.queue.free_capacity() > RESERVED {
-            self.report(CanEvent::Received(frame));
-        } else {
+        if !self.add(CanEvent::Received(frame), RESERVED) {
             self.count_lost();
         }
     }
 
-    /// Adds an event.
+    /// Adds an event. Received frames leave room for what becomes of ours: as many as there are
+    /// slots, and one that waits.
     pub(super) fn report(&self, event: CanEvent) {
-        // Received frames leave room for what becomes of ours: as many as there are slots, and one
-        // that waits.
-        let _ = self.queue.try_send(event);
-        self.tell();
+        self.add(event, 0);
+    }
+
+    /// Adds an event if so many places stay free. Returns whether it has.
+    fn add(&self, event: CanEvent, reserved: usize) -> bool {
+        let has_room = self.queue.lock(|queue| {
+            let mut queue = queue.borrow_mut();
+            queue.len() + reserved < DEPTH && queue.push_back(event).is_ok()
+        });
+        if has_room {
+            self.tell();
+        }
+        has_room
     }
 
     /// A request to cancel a frame has been dealt with.

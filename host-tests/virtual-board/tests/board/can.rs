@@ -164,8 +164,8 @@ fn a_node_at_another_rate_brings_errors_and_no_answer() {
 #[test]
 fn a_core_that_is_too_slow_loses_frames_and_counts_that() {
     const FRAMES: u32 = 400;
-    // 50 µs a frame: 1000 instructions, and still enough for every loop to feed the watchdog.
-    let builder = Machine::builder().instructions_per_second(20_000_000);
+    // 50 µs a frame: 800 instructions, and still enough for every loop to feed the watchdog.
+    let builder = Machine::builder().instructions_per_second(16_000_000);
     let mut lab = Bench::of(builder).opened();
     lab.offer((0..FRAMES).map(|_| data_frame(0x555, &[])));
     lab.run_for(Duration::from_millis(500));
