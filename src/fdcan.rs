@@ -13,7 +13,8 @@ mod timing;
 
 pub(crate) use can_events::instance;
 pub use can_events::{
-    CanEvent, CanEvents, FIFO, Instance, InterruptHandler, OTHER_FIFO, look, waiting,
+    CanEvent, CanEvents, FIFO, Instance, InterruptHandler, OTHER_FIFO, look, may_sleep, stay_awake,
+    waiting,
 };
 pub use controller::{Controller, ErrorState};
 pub use element::received;

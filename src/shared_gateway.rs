@@ -24,7 +24,7 @@ use static_cell::StaticCell;
 
 use crate::board::{self, CAN_BUSES, RS485_BUSES};
 use crate::can_bus::CanBus;
-use crate::fdcan::CanPort;
+use crate::fdcan::{self, CanPort};
 use crate::flight::{self, Core};
 use crate::retained::{self, CoreWords};
 use crate::watchdog::{self, Watch};
@@ -298,23 +298,24 @@ impl SharedGateway {
         }
     }
 
-    /// Tells the core what the CAN controllers have done, a few events. Returns whether there may
-    /// be more.
+    /// Tells the core what the CAN controllers have done, a few events. Where there may be more,
+    /// who waits for events is told.
     #[inline(never)]
-    pub fn follow_can(&self) -> bool {
+    pub fn follow_can(&self) {
         self.with(|parts, _| {
             for followed in 0..CAN_EVENTS_AT_ONCE {
-                let Some(event) = parts.next_can_event() else {
+                fdcan::may_sleep();
+                let Some(event) = &parts.next_can_event() else {
                     if followed > 0 {
                         self.mind_deadline(parts);
                     }
-                    return false;
+                    return;
                 };
-                self.follow(parts, Self::now(), &event);
+                fdcan::stay_awake();
+                self.follow(parts, Self::now(), event);
             }
             self.mind_deadline(parts);
-            true
-        })
+        });
     }
 
     /// Looks for error states of the CAN buses that no interrupt has told of.

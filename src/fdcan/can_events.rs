@@ -8,7 +8,7 @@
 use core::cell::RefCell;
 use core::future::poll_fn;
 use core::marker::PhantomData;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering, compiler_fence};
 use core::task::Poll;
 
 use embassy_stm32::can;
@@ -48,18 +48,18 @@ pub enum CanEvent {
     Received([u32; FRAME_WORDS]),
 }
 
-/// One of the controllers may have an event, and the task has been woken for it.
-static WAITING: AtomicBool = AtomicBool::new(false);
-/// The task that looks.
+/// The task that looks for events looks, or has been woken to: it need not be woken for another.
+static AWAKE: AtomicBool = AtomicBool::new(false);
 static TASK: AtomicWaker = AtomicWaker::new();
 
-/// Waits until one of the controllers may have an event. For one task.
+/// Waits until one of the controllers may have an event. For one task, which says before each look
+/// that it [may sleep](may_sleep) if it finds nothing.
 pub fn waiting() -> impl Future<Output = ()> + Unpin {
     poll_fn(|context| {
-        if !take(&WAITING) {
+        if !AWAKE.load(Ordering::Relaxed) {
             TASK.register(context.waker());
-            // It may have come meanwhile.
-            if !take(&WAITING) {
+            // An event may have come meanwhile.
+            if !AWAKE.load(Ordering::Relaxed) {
                 return Poll::Pending;
             }
         }
@@ -69,10 +69,26 @@ pub fn waiting() -> impl Future<Output = ()> + Unpin {
 
 /// Has the task of [`waiting`] look.
 pub fn look() {
-    if !WAITING.load(Ordering::Relaxed) {
-        WAITING.store(true, Ordering::Relaxed);
+    if !AWAKE.load(Ordering::Relaxed) {
+        stay_awake();
         TASK.wake();
     }
+}
+
+/// The look that follows may be the last one: what comes from now on wakes the task.
+pub fn may_sleep() {
+    AWAKE.store(false, Ordering::Relaxed);
+    before_the_look();
+}
+
+/// No part of a look comes before what precedes it: an interrupt between the two would go unseen.
+fn before_the_look() {
+    compiler_fence(Ordering::SeqCst);
+}
+
+/// The task looks once more, without being woken.
+pub fn stay_awake() {
+    AWAKE.store(true, Ordering::Relaxed);
 }
 
 /// The events of one controller.
@@ -110,7 +126,9 @@ impl CanEvents {
     /// Whether there may be something. Who asks looks at everything then, and
     /// [says so](Self::may_have_more) where it finds something: there may be more.
     pub fn take_any(&self) -> bool {
-        take(&self.any)
+        let any = take(&self.any);
+        before_the_look();
+        any
     }
 
     /// There may be more than what was found.

@@ -12,8 +12,6 @@ pub async fn can(gateway: &'static SharedGateway) -> ! {
     let budget = TaskBudget::new(Urgency::Can).await;
     loop {
         budget.wait(watch.wait(fdcan::waiting())).await;
-        if gateway.follow_can() {
-            fdcan::look();
-        }
+        gateway.follow_can();
     }
 }
