@@ -21,8 +21,24 @@ struct Kept {
     on: [Set; MAX_BUSES],
     /// By [`Is`].
     which: [Set; Is::COUNT],
-    looks: [Look; MAX_AXES],
-    traffic: [Traffic; MAX_AXES],
+    each: [KeptOfOne; MAX_AXES],
+}
+
+/// What is kept of one axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct KeptOfOne {
+    look: Look,
+    traffic: Traffic,
+}
+
+/// What has changed of an axis.
+struct Change {
+    /// When it was due before.
+    was_due: Instant,
+    /// The buses that it is and was on.
+    buses: Set,
+    /// Its traffic is another one.
+    is_new_traffic: bool,
 }
 
 impl Default for Kept {
@@ -35,44 +51,34 @@ impl Kept {
     const NONE: Self = Self {
         on: [Set::NONE; MAX_BUSES],
         which: [Set::NONE; Is::COUNT],
-        looks: [const { Look::NONE }; MAX_AXES],
-        traffic: [const { Traffic::NONE }; MAX_AXES],
+        each: [const { KeptOfOne { look: Look::NONE, traffic: Traffic::NONE } }; MAX_AXES],
     };
 
-    /// Works out what is kept of one axis, as [`put`](Self::put).
-    fn keep(&mut self, axis: &Axis, now: Instant, after: Instant) -> (Set, bool) {
-        self.put(axis.index.into(), Look::at(axis, now, after), axis.traffic())
-    }
-
-    /// Keeps this of one axis. Returns the buses that it is and was on, and whether its traffic is
-    /// another one.
+    /// Keeps this of one axis.
     #[inline(always)]
-    fn put(&mut self, index: usize, new_look: Look, new_traffic: Traffic) -> (Set, bool) {
+    fn put(&mut self, index: usize, look: Look, traffic: Traffic) -> Option<Change> {
         let one = Set::of(index);
-        let (Some(look), Some(traffic)) = (self.looks.get_mut(index), self.traffic.get_mut(index))
-        else {
-            return (Set::NONE, false);
-        };
-        let mut changed = look.flags ^ new_look.flags;
-        *look = new_look;
+        let kept = self.each.get_mut(index)?;
+        let mut changed = kept.look.flags ^ look.flags;
         while changed != 0 {
             if let Some(set) = self.which.get_mut(changed.trailing_zeros() as usize) {
                 set.toggle(one);
             }
             changed &= changed - 1;
         }
-        let was_on = traffic.bus.map_or(Set::NONE, Set::of);
-        if core::mem::replace(traffic, new_traffic) == *traffic {
-            return (was_on, false);
+        let was = core::mem::replace(kept, KeptOfOne { look, traffic });
+        let is_new_traffic = was.traffic != traffic;
+        if is_new_traffic {
+            for (here, set) in self.on.iter_mut().enumerate() {
+                set.put(one, traffic.bus.has(here));
+            }
         }
-        for (here, set) in self.on.iter_mut().enumerate() {
-            set.put(one, traffic.bus.map(usize::from) == Some(here));
-        }
-        (was_on.with(traffic.bus.map_or(Set::NONE, Set::of)), true)
+        let buses = was.traffic.bus.with(traffic.bus);
+        Some(Change { was_due: was.look.due, buses, is_new_traffic })
     }
 
     fn due(&self, index: usize) -> Instant {
-        self.looks.get(index).map_or(Instant::NEVER, |look| look.due)
+        self.each.get(index).map_or(Instant::NEVER, |kept| kept.look.due)
     }
 }
 
@@ -217,7 +223,7 @@ impl Axes {
         time: impl Fn(&Look) -> Instant,
     ) -> impl Iterator<Item = (usize, Instant)> {
         set.into_iter()
-            .filter_map(move |index| Some((index, time(self.kept.looks.get(index)?))))
+            .filter_map(move |index| Some((index, time(&self.kept.each.get(index)?.look))))
             .filter(|(_, at)| *at < Instant::NEVER)
     }
 
@@ -264,14 +270,13 @@ impl Axes {
         let mut is_new_traffic = false;
         for index in touched {
             let Some(axis) = self.axes.get(index) else { continue };
-            let before = self.kept.due(index);
-            let (on, is_new) = self.kept.keep(axis, now, after);
-            buses.add(on);
-            is_new_traffic |= is_new;
-            let due = self.kept.due(index);
-            if due <= self.none_due_before {
-                (self.none_due_before, self.is_first_known) = (due, true);
-            } else if before <= self.none_due_before {
+            let look = Look::at(axis, now, after);
+            let Some(change) = self.kept.put(index, look, axis.traffic()) else { continue };
+            buses.add(change.buses);
+            is_new_traffic |= change.is_new_traffic;
+            if look.due <= self.none_due_before {
+                (self.none_due_before, self.is_first_known) = (look.due, true);
+            } else if change.was_due <= self.none_due_before {
                 // Another one may be first where this one was.
                 self.is_first_known = false;
             }
@@ -314,14 +319,13 @@ impl Axes {
     /// which are looked at when they are reached. For tests.
     pub fn assert_kept(&self, now: Instant, after: Instant, unstopped: Set) {
         let mut fresh = Kept::NONE;
-        for (axis, (look, traffic)) in
-            self.axes.iter().zip(self.kept.looks.iter().zip(&self.kept.traffic))
-        {
-            if unstopped.has(axis.index) {
-                fresh.put(axis.index.into(), *look, *traffic);
+        for (axis, kept) in self.axes.iter().zip(&self.kept.each) {
+            let (look, traffic) = if unstopped.has(axis.index) {
+                (kept.look, kept.traffic)
             } else {
-                fresh.keep(axis, now, after);
-            }
+                (Look::at(axis, now, after), axis.traffic())
+            };
+            fresh.put(axis.index.into(), look, traffic);
         }
         assert_eq!(self.touched, Set::NONE, "axes that are not settled");
         assert_eq!(fresh, self.kept);

@@ -37,6 +37,7 @@ use crate::config::AxisConfig;
 use crate::measured::{Measured, Observation};
 use crate::outbox::Outbox;
 use crate::protocol::{self, Evidence};
+use crate::set::Set;
 use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use angle::Angle;
@@ -268,7 +269,7 @@ impl Axis {
     /// What of the axis decides how long others wait on its bus.
     pub fn traffic(&self) -> Traffic {
         Traffic {
-            bus: self.config.bus(),
+            bus: self.config.bus().map_or(Set::NONE, Set::of),
             config_version: self.config.version(),
             objects: self.transactions.objects,
         }
@@ -279,7 +280,8 @@ impl Axis {
 /// that out anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Traffic {
-    pub bus: Option<u8>,
+    /// The bus that it is on.
+    pub bus: Set,
     config_version: u16,
     /// Its motor answers requests to others.
     objects: bool,
@@ -287,5 +289,5 @@ pub(crate) struct Traffic {
 
 impl Traffic {
     /// Of an axis without configuration.
-    pub const NONE: Self = Self { bus: None, config_version: 0, objects: false };
+    pub const NONE: Self = Self { bus: Set::NONE, config_version: 0, objects: false };
 }
