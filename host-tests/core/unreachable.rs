@@ -9,7 +9,7 @@ use crate::bench::{
 use crate::rig::{Instead, Rig};
 use host_protocol::{
     AxisParameter, AxisState, Error, Event as HostEvent, Incident, Reply, Request, Setpoint,
-    StopTarget, TripReason, Value, requests,
+    StopAction, StopTarget, TripReason, Value, requests,
 };
 
 const TIMEOUT_MS: u32 = 400;
@@ -54,6 +54,75 @@ fn a_motor_that_acknowledges_stops_and_turns_on_is_unreachable_after_5_s_and_the
     run_with_host(&mut rig, 1_000_000);
     assert_tripped(&mut rig, TripReason::StopUnconfirmed, true);
     assert!(!state(&mut rig).trip.unwrap().unreachable);
+}
+
+/// A stop that lets the motor coast is confirmed as soon as it is acknowledged (GUARANTEES G4).
+#[test]
+fn a_motor_that_acknowledges_that_it_coasts_and_turns_on_is_left_to_its_own_timeout() {
+    const LONG_MS: u32 = 1_000;
+    const LONG_SILENCE_US: u64 = 1_500_000;
+    const QUESTION: &str = "9C00000000000000";
+    for asks in [false, true] {
+        let (mut rig, play) = bench::rmd(StopAction::Coast);
+        bench::provision(&mut rig, LONG_MS).unwrap();
+        move_axis(&mut rig, VELOCITY);
+        rig.run(1_000);
+        play.borrow_mut().turning = true;
+        bench::e_stop(&mut rig);
+        run_with_host(&mut rig, 4_900_000);
+        assert_tripped(&mut rig, TripReason::EStop, true);
+        assert!(silences(&rig, 0, 0).iter().all(|gap| *gap < 510_000), "repeated until then");
+        run_with_host(&mut rig, 700_000);
+        let since = rig.now_us;
+        for _ in 0..100 {
+            run_with_host(&mut rig, 100_000);
+            if asks {
+                state(&mut rig);
+                let native = bench::native(&rig, 0, QUESTION);
+                rig.send(&native);
+                rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+            }
+        }
+        let silences = silences(&rig, 0, since);
+        let long = silences.iter().filter(|gap| **gap + 10_000 >= LONG_SILENCE_US).count();
+        assert!(long >= if asks { 3 } else { 6 }, "asks: {asks}: {silences:?}");
+        // Who asks for a stop has one sent in each silence.
+        assert!(silences.len() <= 2 * long + 2, "asks: {asks}: {silences:?}");
+        assert_tripped(&mut rig, TripReason::EStop, true);
+        play.borrow_mut().turning = false;
+        run_with_host(&mut rig, 2_000_000);
+        let since = rig.now_us;
+        run_with_host(&mut rig, 2_000_000);
+        assert!(self::silences(&rig, 0, since).iter().all(|gap| *gap < 510_000), "at rest");
+    }
+}
+
+/// Its stop was acknowledged, so its axis is idle.
+#[test]
+fn nobody_who_reads_keeps_an_idle_motor_that_turns_from_stopping_by_its_own_timeout() {
+    let (mut rig, play) = bench::rmd(StopAction::Coast);
+    bench::provision(&mut rig, TIMEOUT_MS).unwrap();
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().turning = true;
+    stop(&mut rig);
+    run_with_host(&mut rig, 10_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    let since = rig.now_us;
+    for turn in 0..60 {
+        run_with_host(&mut rig, 50_000);
+        if turn % 2 == 0 {
+            assert!(state(&mut rig).velocity_rad_s.is_some(), "what is known is told");
+        } else {
+            let asked = bench::native(&rig, 0, "9C00000000000000");
+            let velocity = state(&mut rig).velocity_rad_s.unwrap();
+            let told = Err(Error::NotStandstill { axis: 0, velocity_rad_s: velocity.value });
+            let answer = rig.ask(asked);
+            assert!(velocity.age_us < 60_000 || answer == told, "{answer:?} {velocity:?}");
+        }
+    }
+    let silences = silences(&rig, 0, since);
+    let long = silences.iter().filter(|gap| **gap + 10_000 >= SILENCE_US).count();
+    assert!(long >= 4, "{silences:?}");
 }
 
 /// A motor that hears every stop and refuses it.

@@ -214,7 +214,8 @@ errors! {
     20 CannotConfirm { axis: u8 }
         "the motor of axis {axis} is set so that it could not confirm a stop; give a D5 an \
         acknowledge level above 0, and a thruster a VM that returns something";
-    /// The motor turns; arming needs standstill.
+    /// The motor turns; arming needs standstill, and so does a native read of a motor that should be
+    /// at rest.
     21 NotStandstill { axis: u8, velocity_rad_s: f32 }
         "the motor of axis {axis} turns at {velocity_rad_s} rad/s; let it come to a standstill \
         first";

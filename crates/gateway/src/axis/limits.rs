@@ -6,7 +6,7 @@ use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol;
 use crate::time::{Duration, Instant};
-use host_protocol::{AxisParameter, Error, Quantity, TripReason};
+use host_protocol::{AxisParameter, Error, Quantity, StateField, TripReason};
 
 /// How long a turning motor that nobody here moves is left alone where its own timeout is not
 /// known.
@@ -80,6 +80,19 @@ impl Axis {
                 self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
             self.state_poll_at = now + pause;
         }
+    }
+
+    /// How fast a motor at rest turned when it was last read, while it is left to its own timeout:
+    /// nobody may ask it anything.
+    pub fn left_alone_at_rad_s(&self, now: Instant) -> Option<f32> {
+        let is_left_alone = match &self.state {
+            State::Idle => now < self.state_poll_at,
+            State::Tripped(_, stop) => stop.is_left_alone(now),
+            _ => false,
+        };
+        let velocity = self.measured.number(StateField::Velocity)?;
+        let turns = !self.is_standstill(velocity) && self.programmed_timeout().is_some();
+        (is_left_alone && turns).then_some(velocity)
     }
 
     /// Whether what has just been read still is what the axis tripped for. A position stays where

@@ -57,10 +57,18 @@ enum Detour {
     EndMove,
 }
 
-/// How an unreachable motor is stopped: two stops between silences, until it answers one of them.
+/// A motor that turns on is left to its own timeout, which all that it hears may be feeding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Backoff {
     None,
+    /// It has confirmed a stop that lets it coast: the stop is repeated between silences.
+    Coasting {
+        /// When the silence ends.
+        until: Instant,
+        /// A host has had a stop sent in this silence.
+        asked: bool,
+    },
+    /// It is unreachable: two stops between silences, until it answers one of them.
     Resting {
         /// When the silence ends.
         until: Instant,
@@ -192,7 +200,12 @@ impl Stop {
     }
 
     fn is_resting(&self) -> bool {
-        self.backoff != Backoff::None
+        matches!(self.backoff, Backoff::Resting { .. })
+    }
+
+    /// It is confirmed, its motor turns all the same, and is left to its own timeout.
+    pub fn is_left_alone(&self, now: Instant) -> bool {
+        matches!(self.backoff, Backoff::Coasting { until, .. } if now < until)
     }
 
     fn step(&self) -> Option<Exchange> {
@@ -256,7 +269,8 @@ impl Stop {
             return self.lock_again(now, config);
         }
         if self.hears
-            && let Backoff::Resting { asked, .. } = &mut self.backoff
+            && let Backoff::Resting { asked, .. } | Backoff::Coasting { asked, .. } =
+                &mut self.backoff
             && core::mem::replace(asked, true)
         {
             return false;
@@ -387,6 +401,19 @@ impl Stop {
         self.backoff = Backoff::Resting { until, second_follows: false, asked: false };
     }
 
+    /// The motor that has confirmed it turns on. Where that takes as long as for one that must
+    /// stand, nothing is sent for `silence` from now on.
+    pub(super) fn coasts_on(&mut self, now: Instant, silence: Duration) {
+        if now.since(self.since) < STANDSTILL_WITHIN {
+            return;
+        }
+        let until = now + silence;
+        let asked =
+            matches!(self.backoff, Backoff::Coasting { until, asked } if asked && now < until);
+        self.backoff = Backoff::Coasting { until, asked };
+        self.repeat_at = self.repeat_at.max(until);
+    }
+
     /// Nothing is known of the motor any more, a locked brake included: all of the stop begins
     /// again. Returns whether the motor counted as reachable.
     pub(super) fn lose_motor(&mut self, now: Instant) -> bool {
@@ -433,7 +460,7 @@ impl Stop {
         }
         self.next_at = match self.backoff {
             Backoff::Resting { until, .. } => now.max(until),
-            Backoff::None => now,
+            Backoff::None | Backoff::Coasting { .. } => now,
         };
     }
 

@@ -59,9 +59,13 @@ impl Axis {
     }
 
     /// A confirmed stop is watched: a motor that turns again is not stopped, and the stop begins
-    /// anew.
+    /// anew. One that may coast is left to its own timeout after a while.
     fn turns_again(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if !self.must_stand() {
+            let timeout = self.programmed_timeout();
+            if let (Some(timeout), Some(stop)) = (timeout, self.stop_mut()) {
+                stop.coasts_on(now, timeout.and_a_half());
+            }
             return;
         }
         let before = self.state();

@@ -38,7 +38,8 @@ impl Stop {
             if matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed) {
                 self.unconfirmed = 0;
             }
-            if core::mem::replace(&mut self.backoff, Backoff::None) != Backoff::None {
+            if self.is_resting() {
+                self.backoff = Backoff::None;
                 self.give_up_at = now + STANDSTILL_WITHIN_ANEW;
             }
         }

@@ -354,14 +354,18 @@ impl Gateway {
 
     fn read_state(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
         let axis = self.axis(index)?;
+        let is_left_alone = axis.left_alone_at_rad_s(now).is_some();
         match axis.state() {
             AxisState::Unconfigured => Err(axis.not_configured()),
-            AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active => {
+            AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active
+                if !is_left_alone =>
+            {
                 self.ready_bus(axis)?;
                 self.start(now, index, JobKind::ReadState, ticket)
             }
-            // The bus belongs to the arming or the stop: what is known is told with its age.
-            AxisState::Arming | AxisState::Stopping | AxisState::Tripped { .. } => {
+            // The bus belongs to the arming or the stop, or reading would keep a motor that turns
+            // from stopping by its own timeout: what is known is told with its age.
+            _ => {
                 let reply = Reply::ReadState(axis.report(now));
                 self.outbox(now).answer(ticket, Ok(&reply));
                 Ok(())
@@ -377,7 +381,9 @@ impl Gateway {
             (_, Some(protocol)) if !axis.can(Exchange::Version(0)) => {
                 Err(Error::Unsupported { axis: index, protocol })
             }
-            (AxisState::Idle | AxisState::Holding, _) => {
+            (AxisState::Idle | AxisState::Holding, _)
+                if axis.left_alone_at_rad_s(now).is_none() =>
+            {
                 self.ready_bus(axis)?;
                 self.start(now, index, JobKind::Recognise, ticket)
             }

@@ -103,6 +103,9 @@ impl Gateway {
         if !free {
             return Err(Error::Busy { axis: index });
         }
+        if let Some(velocity_rad_s) = axis.left_alone_at_rad_s(now) {
+            return Err(Error::NotStandstill { axis: index, velocity_rad_s });
+        }
         self.ready_bus(axis)?;
         self.start(now, index, JobKind::Native { command: native.command, asks: true }, ticket)
     }
