@@ -40,13 +40,17 @@ use stored::Stored;
 use unstopped::Unstopped;
 
 /// A gateway: everything between the host links and the buses of one board.
+///
+/// In this order in memory: with zeros right behind the axes, the buses or the links the compiler
+/// makes these on the stack, which has no room for them, and then moves them.
 #[derive(Clone, Deserialize)]
+#[repr(C)]
 pub struct Gateway {
-    #[serde(skip)]
-    pub(crate) board: &'static Board,
     pub(crate) axes: Axes,
     pub(crate) buses: Vec<Tracked<Bus>, MAX_BUSES>,
     pub(crate) links: Links,
+    #[serde(skip)]
+    pub(crate) board: &'static Board,
     pub(crate) history: Tracked<History>,
     /// Changes of the configuration that the host in command has not made yet.
     pub(crate) draft: Tracked<Draft>,

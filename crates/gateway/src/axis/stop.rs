@@ -61,23 +61,24 @@ enum Detour {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Backoff {
     None,
-    /// It has confirmed a stop that lets it coast: the stop is repeated between silences.
-    Coasting {
-        /// When the silence ends.
+    Silence {
         until: Instant,
-        /// A host has had a stop sent in this silence.
-        asked: bool,
-    },
-    /// It is unreachable: two stops between silences, until it answers one of them.
-    Resting {
-        /// When the silence ends.
-        until: Instant,
-        /// The first of the two has gone.
-        second_follows: bool,
+        then: Then,
         /// A host has had a stop sent in this silence; another one would keep the own timeout of a
         /// motor that hears us from acting.
         asked: bool,
     },
+}
+
+/// What follows a silence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum Then {
+    /// The first of two stops: the motor is unreachable, until it answers one of them.
+    First,
+    /// The second one, without a silence between.
+    Second,
+    /// The stop that is repeated: the motor has confirmed that it coasts, and turns.
+    Repeat,
 }
 
 /// A stop under way, or confirmed and being repeated.
@@ -200,12 +201,13 @@ impl Stop {
     }
 
     fn is_resting(&self) -> bool {
-        matches!(self.backoff, Backoff::Resting { .. })
+        matches!(self.backoff, Backoff::Silence { then: Then::First | Then::Second, .. })
     }
 
     /// It is confirmed, its motor turns all the same, and is left to its own timeout.
     pub fn is_left_alone(&self, now: Instant) -> bool {
-        matches!(self.backoff, Backoff::Coasting { until, .. } if now < until)
+        let is_before = |until| now < until;
+        matches!(self.backoff, Backoff::Silence { until, then: Then::Repeat, .. } if is_before(until))
     }
 
     fn step(&self) -> Option<Exchange> {
@@ -269,8 +271,7 @@ impl Stop {
             return self.lock_again(now, config);
         }
         if self.hears
-            && let Backoff::Resting { asked, .. } | Backoff::Coasting { asked, .. } =
-                &mut self.backoff
+            && let Backoff::Silence { asked, .. } = &mut self.backoff
             && core::mem::replace(asked, true)
         {
             return false;
@@ -342,8 +343,8 @@ impl Stop {
                 self.end_follows = is_confirmed && ends_moves(config);
                 self.repeat_at = if self.end_follows { now } else { now + repeat };
                 self.next_at = now;
-                if let Backoff::Resting { until, second_follows, asked } = &mut self.backoff {
-                    *asked &= *second_follows || now < *until;
+                if let Backoff::Silence { until, then, asked } = &mut self.backoff {
+                    *asked &= *then == Then::Second || now < *until;
                 }
                 self.read_after_repeat = is_confirmed;
             }
@@ -377,7 +378,7 @@ impl Stop {
             self.last_left = Some(now);
         }
         if exchange == Exchange::PositionStop
-            && let Backoff::Resting { until, second_follows: false, .. } = &mut self.backoff
+            && let Backoff::Silence { until, then: Then::First, .. } = &mut self.backoff
         {
             // The silence begins behind what a motor has heard last.
             *until = now + silence;
@@ -387,9 +388,12 @@ impl Stop {
         }
         self.sent = self.sent.saturating_add(1);
         self.first_left.get_or_insert(now);
-        if let Backoff::Resting { until, second_follows, .. } = &mut self.backoff {
-            *second_follows = !*second_follows;
-            *until = if *second_follows { now } else { now + silence };
+        if let Backoff::Silence { until, then, .. } = &mut self.backoff {
+            (*until, *then) = match then {
+                Then::First => (now, Then::Second),
+                Then::Second => (now + silence, Then::First),
+                Then::Repeat => return,
+            };
             self.next_at = *until;
         }
     }
@@ -398,7 +402,7 @@ impl Stop {
     /// has not left has fed no timeout, and a stop that has never left is due.
     pub(super) fn rest(&mut self, now: Instant, silence: Duration) {
         let until = self.last_left.map_or(now, |left| left + silence);
-        self.backoff = Backoff::Resting { until, second_follows: false, asked: false };
+        self.backoff = Backoff::Silence { until, then: Then::First, asked: false };
     }
 
     /// The motor that has confirmed it turns on. Where that takes as long as for one that must
@@ -408,9 +412,8 @@ impl Stop {
             return;
         }
         let until = now + silence;
-        let asked =
-            matches!(self.backoff, Backoff::Coasting { until, asked } if asked && now < until);
-        self.backoff = Backoff::Coasting { until, asked };
+        let asked = matches!(self.backoff, Backoff::Silence { asked: true, .. });
+        self.backoff = Backoff::Silence { until, then: Then::Repeat, asked };
         self.repeat_at = self.repeat_at.max(until);
     }
 
@@ -459,8 +462,8 @@ impl Stop {
             self.sequence.restart();
         }
         self.next_at = match self.backoff {
-            Backoff::Resting { until, .. } => now.max(until),
-            Backoff::None | Backoff::Coasting { .. } => now,
+            Backoff::Silence { until, then: Then::First | Then::Second, .. } => now.max(until),
+            _ => now,
         };
     }
 
