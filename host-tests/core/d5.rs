@@ -4,7 +4,7 @@
 use crate::bench::{self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, move_axis, stop};
 use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
 use host_protocol::{
-    AxisParameter, Error, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint,
+    AxisParameter, Error, Event, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint,
     StopAction, replies, requests,
 };
 
@@ -16,6 +16,63 @@ fn a_motor_that_answers_reads_only_and_falls_silent_becomes_unreachable() {
     rig.instead(|_| Instead::Nothing);
     stop(&mut rig);
     bench::assert_becomes_unreachable(&mut rig);
+}
+
+/// The commanded speed is read back and is not 0, as often as it is asked for.
+fn stopped_and_keeps_its_speed() -> (Rig, u64) {
+    let mut rig = bench::d5_that_answers_reads_only();
+    move_axis(&mut rig, D5_VELOCITY);
+    rig.run(1_000);
+    rig.instead(|text| match text {
+        READ_BACK => Instead::Says(KEPT),
+        _ => Instead::AsUsual,
+    });
+    let since = rig.now_us;
+    stop(&mut rig);
+    (rig, since)
+}
+
+const READ_BACK: &str = "00B#D50B050220000032";
+const KEPT: &str = "00B#5D0B05022058028C"; // 600 °/s
+
+/// Each reading shows that the motor has not taken its stop, which counts like a refusal
+/// (GUARANTEES G4).
+#[test]
+fn a_motor_that_answers_reads_only_and_keeps_its_speed_is_unreachable_after_ten_stops() {
+    let (mut rig, since) = stopped_and_keeps_its_speed();
+    bench::run_with_host(&mut rig, 400_000);
+    let unreachable = Event::AxisUnreachable { axis: 0, stop_transmitted: true };
+    assert_eq!(bench::outcomes(&rig), [unreachable]);
+    let sent = rig.sent_since(1, since);
+    let count = |text: &str| sent.iter().filter(|sent| **sent == text).count();
+    assert_eq!((count(STOP_B), count(READ_BACK)), (10, 10), "{sent:?}");
+    // The speed that it has is known meanwhile.
+    assert_eq!((count("00B#D50B050226000038"), count("00B#D50B040212000023")), (8, 8), "{sent:?}");
+}
+
+#[test]
+fn a_motor_that_answers_reads_only_and_has_missed_its_stop_is_sent_the_next_at_once() {
+    let (mut rig, since) = stopped_and_keeps_its_speed();
+    rig.run(5_000);
+    let sent = rig.sent_since(1, since);
+    assert_eq!(sent.get(..3), Some(&[STOP_B, READ_BACK, STOP_B][..]), "{sent:?}");
+}
+
+/// It turns on for a moment: what it is sent then is taken.
+#[test]
+fn a_motor_that_answers_reads_only_and_takes_a_later_stop_is_confirmed() {
+    for (taken_after_us, unreachable) in [(100_000, false), (1_000_000, true)] {
+        let (mut rig, _) = stopped_and_keeps_its_speed();
+        bench::run_with_host(&mut rig, taken_after_us);
+        rig.instead(|text| match text {
+            READ_BACK => Instead::Says("00B#5D0B050220000032"),
+            _ => Instead::AsUsual,
+        });
+        bench::run_with_host(&mut rig, 1_000_000);
+        let outcomes = bench::outcomes(&rig);
+        assert_eq!(outcomes.len(), 1 + usize::from(unreachable), "{outcomes:?}");
+        assert!(matches!(outcomes.last(), Some(Event::StopConfirmed { .. })), "{outcomes:?}");
+    }
 }
 
 #[test]

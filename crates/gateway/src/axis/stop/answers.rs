@@ -32,9 +32,12 @@ impl Stop {
     ) -> StopEffect {
         self.went_on_at = now;
         let exchange = request.exchange;
+        let not_taken = self.step() == Some(exchange)
+            && request.unambiguous
+            && seen.commanded_zero == Some(false);
         let answered = protocol::is_answered(&request.command, config);
-        if answered {
-            self.hears = true;
+        self.hears |= answered;
+        if answered && !not_taken {
             if matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed) {
                 self.unconfirmed = 0;
             }
@@ -84,6 +87,9 @@ impl Stop {
             (Detour::ReadVelocity | Detour::EndMove, _) => self.command_again_after_a_pause(now),
             (Detour::ReadBack, _) => {
                 self.acknowledged |= request.unambiguous && seen.commanded_zero == Some(true);
+                if not_taken {
+                    return self.not_taken(now);
+                }
                 self.command_again(now);
                 self.command_answered(now, config);
             }
@@ -95,6 +101,17 @@ impl Stop {
             }
         }
         StopEffect::None
+    }
+
+    /// What was read back shows that the motor has not taken the stop: as with a refusal. The
+    /// first stop may have been lost, so the second one does not wait.
+    fn not_taken(&mut self, now: Instant) -> StopEffect {
+        if self.sent < STOPS_AT_LEAST || self.is_resting() {
+            self.command_again(now);
+        } else {
+            self.turn_aside(now, Detour::ReadFaults);
+        }
+        StopEffect::CameToNothing
     }
 
     /// The motor refuses what the stop asks of it: that confirms nothing. Read the fault and the
