@@ -184,7 +184,7 @@ fn what_may_have_changed_the_motor_makes_it_unknown() {
             "{data}"
         );
     }
-    for data in ["D50B040311000023", "D50B0503030C0022", "D50B040411000024"] {
+    for data in ["D50B040311000023", "D50B0503030C0022"] {
         let (mut rig, _) = bench::d5();
         arm(&mut rig).unwrap();
         assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Verified);

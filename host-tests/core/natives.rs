@@ -166,6 +166,28 @@ fn a_part_of_a_d5_speed_is_motion_and_refused() {
     }
 }
 
+/// D5 manual, quick start (3), table rows 11 and 12: what waits is a speed. Another id, level or
+/// switch would wait for a 05 of anybody, when nobody looks any more what it meets.
+#[test]
+fn nothing_but_a_speed_may_wait_in_a_d5() {
+    let (mut rig, _) = bench::d5();
+    bench::configure_axis(&mut rig, 1, 1, Protocol::D5, 12, StopAction::Hold);
+    let since = rig.now_us;
+    for data in [
+        "D50B0504030C0023", // its id, that of axis 1
+        "D50B0504030D0024", // one that is free
+        "D50B040410000023", // the level of answers
+        "D50B040411000024", // the timeout's switch
+        "D50B04041901002D", // clears protection
+        "D50B0504154848B9", // both accelerations
+    ] {
+        let refused = Err(Error::NotACommand { axis: 0, protocol: Protocol::D5 });
+        let request = native(&rig, 0, data);
+        assert_eq!(rig.ask(request), refused, "{data}");
+    }
+    assert_eq!(rig.sent_since(1, since), [""; 0]);
+}
+
 /// D5 manual, table row 7 has 0x15 and 0x16 in one frame. Sum of 0B 05 03 15 48 48.
 #[test]
 fn acceleration_and_deceleration_of_a_d5_are_written_at_once() {

@@ -301,6 +301,9 @@ fn effect(request: Request, sign: f32) -> Option<Effect> {
         Request::AsyncWrite { register: Register::SPEED, value: Value::Word(word) } => {
             Effect::MovesOnce(Demand::Setpoint(velocity(word)))
         }
+        // Printed of speeds only (quick start (3), rows 11 and 12). Any 05 carries out what waits,
+        // whoever sends it, and nobody could check then what another id or level meets.
+        Request::AsyncWrite { .. } => return None,
         Request::Execute => Effect::MovesOnce(Demand::Prepared),
         request if request.moves() => return None,
         Request::Reset => Effect::Changes { timeout: true },

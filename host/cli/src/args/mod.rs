@@ -230,7 +230,7 @@ pub enum Command {
     /// is sent and kept up for so long, then the axis is stopped and disarmed. Commands that
     /// move by a distance go out once and for the TTL of the axis at most: raise its `ttl_us`
     /// for longer ones. What waits in a D5 motor for `execute` does not outlast a call of mgw, so
-    /// `execute`, and `async_write` of the speed, are refused.
+    /// `execute` and `async_write` are refused.
     #[command(after_help = "Examples:\n  \
             mgw native 0 9C00000000000000                                  RMD: read status 2\n  \
             mgw native 0 --command read_status_2                           the same by name\n  \
