@@ -315,6 +315,41 @@ fn a_stop_that_has_met_its_reply_is_taken_back_and_follows_it() {
     assert_eq!(rig.sent_since(1, since), [STOP_B]);
 }
 
+/// A stop that meets its reply is destroyed together with it, and no frame passes. This one loses
+/// the arbitration.
+#[test]
+fn a_stop_that_waits_behind_the_frames_of_others_has_met_no_reply() {
+    let mut rig = stopped_without_a_reply();
+    rig.cut();
+    let since = rig.now_us + 1;
+    run_busy(&mut rig, 10_000);
+    assert_eq!((rig.held_texts(), rig.sent_since(1, since)), (vec![STOP_B], vec![]));
+    rig.run(1_420);
+    assert_eq!(rig.held_texts(), [STOP_B]);
+    rig.run(10); // three times 642 µs since the last of them
+    assert_eq!(rig.held_texts(), [""; 0]);
+}
+
+/// The reply of each motor that stops may go before the stop with the highest id, which somebody
+/// keeps out here.
+#[test]
+fn no_second_stop_goes_before_a_first_one_that_may_wait_for_the_replies_of_all() {
+    let (mut rig, _) = bench::d5();
+    configure_axis(&mut rig, 1, 1, Protocol::D5, 1, StopAction::Hold);
+    configure_axis(&mut rig, 2, 1, Protocol::D5, 0x0D, StopAction::Hold);
+    rig.run(10_000);
+    rig.babble(Some(0x00C));
+    let since = rig.now_us;
+    rig.send(&Request::EStop(requests::EStop {}));
+    rig.run(10_000);
+    let sent: Vec<_> = rig.wire.iter().filter(|(at, ..)| *at >= since).collect();
+    let texts: Vec<_> = sent.iter().map(|(.., text)| text.as_str()).collect();
+    assert_eq!(texts.get(..4), Some(&[STOP_1, STOP_B, "00D#D50D050320000035", STOP_1][..]));
+    // Four frames of 135 bits, and the replies of three motors.
+    let left = rig.left.iter().find(|(at, _, text)| *at >= since && text == STOP_B).unwrap();
+    assert_eq!(sent[3].0 - left.0, 4_494);
+}
+
 /// The bus is cut: there is no reply that it could meet.
 #[test]
 fn a_stop_is_taken_back_for_a_reply_once_and_then_stays_in_the_controller() {

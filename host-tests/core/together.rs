@@ -111,6 +111,28 @@ fn each_speed_waits_before_one_frame_starts_both() {
     assert!(STOPS.into_iter().all(|stop| place(&rig, since, stop) > execute));
 }
 
+/// One that came would have the id of the stop, which lets it have its turn: 1 ms and a frame of
+/// 135 bits after the start, however busy the bus is.
+#[test]
+fn a_stop_waits_once_for_an_answer_to_the_common_start_that_no_manual_prints() {
+    let mut rig = three();
+    let members = two_armed(&mut rig);
+    let request = together(&rig, &members);
+    rig.ask(request).unwrap();
+    let (started_at, ..) = *rig.left.iter().find(|(.., text)| text == EXECUTE_ALL).unwrap();
+    rig.send(&Request::EStop(requests::EStop {}));
+    for _ in 0..8 {
+        rig.receive(1, "000#");
+        rig.run(500);
+    }
+    let stops = rig
+        .wire
+        .iter()
+        .filter(|(at, _, text)| *at >= started_at && STOPS.iter().any(|stop| stop == text));
+    let waited: Vec<_> = stops.map(|(at, ..)| at - started_at).collect();
+    assert_eq!(waited.first(), Some(&1_642), "{waited:?}");
+}
+
 /// What waits in a motor at rest is overwritten by speed 0 and carried out, so that nothing waits
 /// (D5 manual, quick start (7)).
 #[test]

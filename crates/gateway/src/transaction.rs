@@ -134,6 +134,8 @@ pub(crate) struct Transactions {
     motion_reply_until: Instant,
     /// Since when the motor owes a reply or an objection.
     pub owed_since: Option<Instant>,
+    /// That reply is not printed: none is expected, but one that came would meet the next frame.
+    pub is_unprinted: bool,
     /// The motor has answered a request to another one, and will again.
     pub objects: bool,
     /// How often it may still do so, since the last frame to it.
@@ -149,6 +151,7 @@ impl Transactions {
             stop_like_reply_until: Instant::from_micros(0),
             motion_reply_until: Instant::from_micros(0),
             owed_since: None,
+            is_unprinted: false,
             objects: false,
             objections_due: 0,
         }
@@ -240,13 +243,13 @@ impl Transactions {
         let owed = |command| protocol::is_answered(command, config).then_some(now);
         if let Some(former) = self.former.as_mut().filter(|f| f.slot == slot && f.is_with_port()) {
             former.stage = Stage::Awaited { since: now, until: now + window };
-            self.owed_since = owed(&former.command);
+            (self.owed_since, self.is_unprinted) = (owed(&former.command), false);
             return None;
         }
         let current = self.current.as_mut().filter(|c| c.slot == slot && c.is_with_port())?;
         let window = protocol::slow_reply(&current.command).unwrap_or(window);
         current.stage = Stage::Awaited { since: now, until: now + window };
-        self.owed_since = owed(&current.command);
+        (self.owed_since, self.is_unprinted) = (owed(&current.command), false);
         self.objections_due = 0;
         let transmitted = *current;
         if self.owed_since.is_none() {
@@ -418,7 +421,12 @@ impl Transactions {
     /// The next frame to the motor has met its reply on the bus and was cancelled: the reply is let
     /// pass first.
     pub fn reply_comes_first(&mut self, now: Instant) {
-        self.owed_since = Some(now);
+        (self.owed_since, self.is_unprinted) = (Some(now), false);
+    }
+
+    /// A frame to all has left: no manual prints a reply to it.
+    pub fn may_answer_unprinted(&mut self, now: Instant) {
+        (self.owed_since, self.is_unprinted) = (Some(now), true);
     }
 }
 

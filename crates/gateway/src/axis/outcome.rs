@@ -97,6 +97,12 @@ impl Axis {
         Info::of_axis(&self.config).filter(|info| info.free_ids).map(|_| since)
     }
 
+    /// Whether the axis is stopped, and the [reply](Self::reply_with_our_id_since) is one that no
+    /// manual prints: the stop lets it have its turn, and no more.
+    pub fn stops_past_unprinted_reply(&self) -> bool {
+        self.transactions.is_unprinted && !self.transactions.objects && self.stop().is_some()
+    }
+
     /// The frame in `slot` will not leave any more: what it was for is due again.
     pub fn cancelled(&mut self, now: Instant, slot: u8) {
         let Some(request) = self.transactions.cancelled(slot) else { return };

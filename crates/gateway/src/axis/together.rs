@@ -43,8 +43,8 @@ impl Axis {
     pub fn follow(&mut self, now: Instant, expires: Option<Instant>, out: &mut Outbox<'_>) {
         let Some(JobKind::Prepare { command }) = self.job_kind() else { return };
         self.stand_down();
-        // No answer to all is printed; one that came would have the id of the next frame.
-        self.transactions.reply_comes_first(now);
+        // One that came would have the id of the next frame.
+        self.transactions.may_answer_unprinted(now);
         self.take_motion(now, protocol::at_once(command), expires, false, out);
     }
 

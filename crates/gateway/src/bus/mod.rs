@@ -118,7 +118,7 @@ struct InFlight {
     /// Its axis has left the bus or got another address: it must come back.
     is_disowned: bool,
     /// When it counts as destroyed by a reply with its own id, which was due and had not come when
-    /// it was handed over.
+    /// it was handed over, unless another frame passes before.
     collided_at: Option<Instant>,
 }
 

@@ -23,7 +23,7 @@ impl Bus {
         out: &mut Outbox<'_>,
     ) {
         self.counters.received = self.counters.received.saturating_add(1);
-        self.active_at = now;
+        self.carried(now);
         if let Some(raw) = &mut self.raw {
             raw.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Can(frame) });
         }
@@ -47,9 +47,11 @@ impl Bus {
     }
 
     /// Whether a frame that is not for its axes changes what may be sent and when: where a reply
-    /// with the id of the next frame is due, the bus must have been quiet.
+    /// with the id of the next frame is due, the bus must have been quiet, and what such a reply
+    /// may have met has more time.
     pub fn waits_for_quiet(&self, axes: &Axes) -> bool {
         [Is::OwedOurId, Is::Objecting].into_iter().any(|is| !self.which(is, axes).is_empty())
+            || self.in_flight.iter().flatten().any(|f| f.collided_at.is_some())
     }
 
     /// Bytes have arrived on a serial bus.

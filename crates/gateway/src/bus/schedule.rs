@@ -245,10 +245,9 @@ impl Bus {
 
     fn first_stops_bar_for(&self, axes: &Axes) -> Duration {
         // Those to the stops before it, too.
-        let replies = match self.bounds.outranking_replies {
-            0 => 0,
-            replies => replies + u64::from(self.which(Is::Stopping, axes).len()),
-        };
+        let outranked = self.bounds.outranking_replies > 0 || self.bounds.shares_ids;
+        let stops = if outranked { self.which(Is::Stopping, axes).len() } else { 0 };
+        let replies = self.bounds.outranking_replies + u64::from(stops);
         self.frame_time(FIRST_STOPS_BAR_FRAMES + replies) + self.bounds.streamed_at_once
     }
 
@@ -402,6 +401,9 @@ impl Bus {
             return self.quiet_at;
         }
         let all = self.bit_time(3 * self.longest_frame_bits).times(self.here(axes).len().into());
+        if axis.stops_past_unprinted_reply() {
+            return since + delay;
+        }
         (since.max(self.active_at) + delay).min(since + all + delay)
     }
 

@@ -20,7 +20,7 @@ const ACKNOWLEDGE_FRAMES: u64 = 4;
 /// is started again.
 const CANCELLED_WITHIN: Duration = Duration::from_millis(10);
 /// A frame that waited in vain for a reply with its own id, and has not left after so many frame
-/// times, has met that reply.
+/// times in which the bus carried no other one, has met that reply.
 const COLLIDED_AFTER_FRAMES: u64 = 3;
 /// `TripReason::Internal` code: a command that was checked when it was accepted could not be
 /// encoded.
@@ -56,7 +56,7 @@ impl Bus {
             return;
         };
         self.counters.transmitted = self.counters.transmitted.saturating_add(1);
-        self.active_at = now;
+        self.carried(now);
         self.carried_deadline = None;
         self.let_reply_pass = false;
         if in_flight.is_first_stop {
@@ -74,6 +74,19 @@ impl Bus {
                     other.transactions.may_object(now);
                 }
             });
+        }
+    }
+
+    /// The bus has carried a frame. What waits in the controller has waited for that meanwhile, and
+    /// met no reply: while two frames destroy each other, neither passes.
+    pub(super) fn carried(&mut self, now: Instant) {
+        self.active_at = now;
+        if self.in_flight.iter().flatten().all(|f| f.collided_at.is_none()) {
+            return;
+        }
+        let (frame, latest) = (self.frame_time(1), now + self.frame_time(COLLIDED_AFTER_FRAMES));
+        for in_flight in self.in_flight.iter_mut().flatten().filter(|f| f.cancel_by.is_none()) {
+            in_flight.collided_at = in_flight.collided_at.map(|at| (at + frame).min(latest));
         }
     }
 
