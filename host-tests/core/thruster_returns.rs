@@ -243,3 +243,60 @@ fn a_mode_with_reserved_bits_is_refused() {
         assert!(matches!(result, Err(Error::OutOfRange { .. })), "{mode:#06x} {result:?}");
     }
 }
+
+/// The row of the axis.
+fn return_mode(rig: &mut Rig) -> Option<Value> {
+    let parameter = AxisParameter::ReturnMode.number();
+    match rig.ask(Request::ReadAxisParameter(requests::ReadAxisParameter { axis: 0, parameter })) {
+        Ok(Reply::ReadAxisParameter(read)) => read.value,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A device that is told a VM answers TC by `tc` from then on.
+fn told(vm: &str, tc: &'static str) -> (Rig, Result<Reply, Error>) {
+    let mut rig = thruster(0, tc, OF_SPEED);
+    let request = bench::native(&rig, 0, vm);
+    let told = rig.ask(request);
+    (rig, told)
+}
+
+#[test]
+fn a_native_vm_that_the_device_takes_is_that_of_the_axis() {
+    for (vm, tc, mode) in [
+        ("564D000000000001", AT_REST, 0x0001),
+        ("564D000000000007", AT_REST, 0x0007),
+        ("564D000000000002", CONDITION, 0x0002),
+        ("564D000000000200", HEADERLESS, 0x0200),
+    ] {
+        let (mut rig, told) = told(vm, tc);
+        assert!(told.is_ok(), "{vm} {told:?}");
+        assert_eq!(return_mode(&mut rig), Some(Value::Unsigned(mode)));
+        bench::stop(&mut rig);
+        rig.run(500_000);
+        assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle, "{vm}");
+        arm(&mut rig);
+    }
+}
+
+#[test]
+fn a_native_vm_after_which_no_stop_could_be_confirmed_is_not_sent() {
+    for vm in ["564D000000000100", "564D000000000107", "564D000000000300"] {
+        let (mut rig, told) = told(vm, AT_REST);
+        assert_eq!(told, Err(Error::CannotConfirm { axis: 0 }), "{vm}");
+        assert!(!rig.left.iter().any(|(_, _, text)| text.starts_with("30B#564D")), "{vm}");
+        assert_eq!(return_mode(&mut rig), Some(Value::Unsigned(0)), "{vm}");
+    }
+}
+
+/// Whether the device has taken it is not known then.
+#[test]
+fn a_native_vm_that_is_not_answered_changes_nothing_of_the_axis() {
+    let (mut rig, play) = bench::thruster();
+    play.borrow_mut().mute = true;
+    let request = bench::native(&rig, 0, "564D000000000001");
+    assert_eq!(rig.ask(request), NO_REPLY);
+    assert_eq!(return_mode(&mut rig), Some(Value::Unsigned(0)));
+    play.borrow_mut().mute = false;
+    arm(&mut rig);
+}

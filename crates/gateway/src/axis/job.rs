@@ -468,9 +468,9 @@ impl Axis {
             }
             JobKind::Native { .. } | JobKind::NativeMotion => {
                 if let JobKind::Native { command, .. } = kind
-                    && let Sets::Stream(stream) = command.sets()
+                    && let Sets::Row(parameter, value) = command.sets()
                 {
-                    let _ = self.set_stream(stream);
+                    let _ = self.motor_was_told(parameter, value);
                 }
                 let data = Bytes::from_slice(data).unwrap_or_default();
                 self.end_job(now, &Reply::Native(NativeReply { data }), out);
@@ -505,9 +505,9 @@ impl Axis {
         }
     }
 
-    /// From now on the motor sends these frames by itself (`stream`).
-    pub fn set_stream(&mut self, word: u32) -> Result<(), Error> {
-        (self.is_unsaved, self.told_to_stream) = (true, true);
-        self.config.set(AxisParameter::Stream, Value::Unsigned(word))
+    /// The motor keeps this of a command: its row says so from now on.
+    pub fn motor_was_told(&mut self, parameter: AxisParameter, value: u32) -> Result<(), Error> {
+        (self.is_unsaved, self.row_was_told) = (true, true);
+        self.config.set(parameter, Value::Unsigned(value))
     }
 }

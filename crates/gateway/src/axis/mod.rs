@@ -100,7 +100,7 @@ pub(crate) struct Axis {
     /// What outlives a reset of the gateway has changed and has still to be saved.
     is_unsaved: bool,
     /// The row of its configuration has changed by what its motor was told, and is to be measured.
-    pub told_to_stream: bool,
+    pub row_was_told: bool,
     pub telemetry: Telemetry,
 }
 
@@ -131,7 +131,7 @@ impl Axis {
             write_waits: false,
             evidence: Evidence::NONE,
             is_unsaved: false,
-            told_to_stream: false,
+            row_was_told: false,
             telemetry: Telemetry::NONE,
         }
     }

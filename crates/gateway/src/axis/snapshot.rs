@@ -33,7 +33,7 @@ impl Axis {
             write_waits,
             evidence,
             is_unsaved,
-            told_to_stream,
+            row_was_told,
             telemetry,
         } = self;
         match piece {
@@ -47,7 +47,7 @@ impl Axis {
             }
             _ => {
                 let timeout = (motor_timeout, written_timeout_ms, heard_at, run_time);
-                let flags = (restart_owed, write_waits, evidence, is_unsaved, told_to_stream);
+                let flags = (restart_owed, write_waits, evidence, is_unsaved, row_was_told);
                 (angle, timeout, flags, telemetry).serialize(to)
             }
         }

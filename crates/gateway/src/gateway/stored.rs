@@ -221,9 +221,9 @@ impl Gateway {
 
     /// The digest of the running configuration, with what motors have been told meanwhile.
     fn digest(&mut self) -> u32 {
-        let told = self.axes.those(Set::ALL, |axis| axis.told_to_stream);
+        let told = self.axes.those(Set::ALL, |axis| axis.row_was_told);
         if !told.is_empty() {
-            self.axes.each(told, |axis| axis.told_to_stream = false);
+            self.axes.each(told, |axis| axis.row_was_told = false);
             self.measure(Set::NONE, told, false);
         }
         self.stored.digest()

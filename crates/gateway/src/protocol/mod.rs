@@ -96,8 +96,8 @@ pub(crate) enum Sets {
     NextNode(u8),
     /// Its bitrate, once it is switched on again, bit/s.
     Bitrate(u32),
-    /// The frames that it sends by itself, as `stream` of the axis says them.
-    Stream(u32),
+    /// What this parameter of the axis says of it.
+    Row(AxisParameter, u32),
     /// Which commands it answers, so that the reply to this one may stay away.
     AckLevel(u8),
     /// Something that acts after it has restarted.

@@ -240,9 +240,15 @@ pub(super) fn sets(request: &Request) -> Sets {
         Request::SetBitrate { bitrate } => {
             bitrate.info().map_or(Sets::Nothing, |info| Sets::Bitrate(info.bits_per_second))
         }
-        // Bytes 5 to 7 of SR, as `stream` of the axis says them.
+        // Bytes 5 to 7 of SR.
         Request::ConfigureStream { frames, interval } => {
-            Sets::Stream(u32::from(frames.bits()) << u16::BITS | u32::from(interval.0))
+            let word = u32::from(frames.bits()) << u16::BITS | u32::from(interval.0);
+            Sets::Row(AxisParameter::Stream, word)
+        }
+        // Bytes 6 and 7 of VM.
+        Request::ConfigureReturn { flags, frames } => {
+            let word = u16::from_be_bytes([flags.bits(), frames.bits()]);
+            Sets::Row(AxisParameter::ReturnMode, word.into())
         }
         _ => Sets::Nothing,
     }

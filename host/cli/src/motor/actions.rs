@@ -301,12 +301,13 @@ pub fn returns(run: &mut Run<'_>, flags: u8, frames: u8) -> Result<(), Failure> 
     let request = thruster::Request::ConfigureReturn { flags, frames };
     let reply = thruster::Reply::ReturnConfigured { flags, frames };
     let word = u32::from(flags.bits()) << 8 | u32::from(frames.bits());
-    let note = format!(
-        "where it is an axis: `mgw config axis {} {}={word}`",
-        run.motor.axis,
-        AxisParameter::ReturnMode.text().name
-    );
-    thruster_setting(run, "returns", request, reply, &[note])
+    let parameter = AxisParameter::ReturnMode;
+    // No row says it of a motor without an axis.
+    let lent = (!run.motor.is_own)
+        .then(|| format!("an axis for this motor needs `{}={word}`", parameter.text().name));
+    thruster_setting(run, "returns", request, reply, lent.as_slice())?;
+    row_follows(run, parameter, word);
+    Ok(())
 }
 
 /// What a thruster sends by itself.
@@ -316,13 +317,18 @@ pub fn stream(run: &mut Run<'_>, frames: u8, interval_ms: u16) -> Result<(), Fai
     let reply = thruster::Reply::StreamConfigured { frames, interval };
     let word = u32::from(frames.bits()) << 16 | u32::from(interval_ms);
     thruster_setting(run, "stream", request, reply, &[])?;
-    // The gateway has written it into the row; one that was lent is taken back with it.
-    let (axis, value) = (run.motor.axis, Value::Unsigned(word));
-    run.now.axes.entry(axis).or_default().insert(AxisParameter::Stream, value);
-    if run.motor.is_own {
-        run.after.axes.entry(axis).or_default().insert(AxisParameter::Stream, value);
-    }
+    row_follows(run, AxisParameter::Stream, word);
     Ok(())
+}
+
+/// The gateway has written into the row what it told the motor; a row that was lent is taken back
+/// with it.
+fn row_follows(run: &mut Run<'_>, parameter: AxisParameter, word: u32) {
+    let (axis, value) = (run.motor.axis, Value::Unsigned(word));
+    run.now.axes.entry(axis).or_default().insert(parameter, value);
+    if run.motor.is_own {
+        run.after.axes.entry(axis).or_default().insert(parameter, value);
+    }
 }
 
 /// How often a thruster tells current and speed.

@@ -134,27 +134,34 @@ impl Gateway {
         if self.axis(index)?.is_busy() {
             return Err(Error::Busy { axis: index });
         }
-        self.check_node_after(index, &native)?;
+        self.check_row_after(index, &native)?;
         self.check_bitrate_after(index, &native)?;
-        self.admit_stream_after(index, &native)?;
+        self.admit_frames_after(index, &native)?;
         if native.effect == (Effect::Changes { timeout: true }) {
             self.axis_mut(index)?.forget_motor_timeout();
         }
         self.start(now, index, JobKind::Native { command: native.command, asks: false }, ticket)
     }
 
-    /// Refuses a change of the motor's node to one that the axis could not be configured for beside
-    /// the others (GUARANTEES G7).
-    fn check_node_after(&self, index: u8, native: &Native) -> Result<()> {
-        let mut config = self.axis(index)?.config.clone();
-        let (Sets::Node(node) | Sets::NextNode(node)) = native.command.sets() else {
-            return Ok(());
+    /// Refuses what the axis could not be configured for beside the others (GUARANTEES G7), and
+    /// what would leave its stops unconfirmed.
+    fn check_row_after(&self, index: u8, native: &Native) -> Result<()> {
+        let before = &self.axis(index)?.config;
+        let (parameter, value) = match native.command.sets() {
+            Sets::Node(node) | Sets::NextNode(node) => (AxisParameter::Node, node.into()),
+            Sets::Row(parameter, value) => (parameter, value),
+            _ => return Ok(()),
         };
-        if Some(node) == config.node() {
+        if before.unsigned(parameter) == Some(value) {
             return Ok(());
         }
-        config.set(AxisParameter::Node, Value::Unsigned(node.into()))?;
-        self.check_axis(index, &config)
+        let mut after = before.clone();
+        after.set(parameter, Value::Unsigned(value))?;
+        self.check_axis(index, &after)?;
+        if protocol::can_confirm(before) && !protocol::can_confirm(&after) {
+            return Err(Error::CannotConfirm { axis: index });
+        }
+        Ok(())
     }
 
     /// Refuses a bitrate of the motor that the axis's bus cannot have: nobody would reach it any
@@ -170,23 +177,27 @@ impl Gateway {
         Err(bus_rules::not_offered(bus, bitrate, offered))
     }
 
-    /// Refuses frames that the motor would send by itself and that the bus could not carry beside
-    /// what its axes need. They count from now on, and fewer only once the motor has taken
-    /// them.
-    fn admit_stream_after(&mut self, index: u8, native: &Native) -> Result<()> {
-        let Sets::Stream(word) = native.command.sets() else { return Ok(()) };
+    /// Refuses frames that the motor would send by itself, or answer with, and that the bus could
+    /// not carry beside what its axes need. Those that it sends by itself count from now on, and
+    /// fewer only once the motor has taken them.
+    fn admit_frames_after(&mut self, index: u8, native: &Native) -> Result<()> {
+        let Sets::Row(parameter, value) = native.command.sets() else { return Ok(()) };
         let axis = self.axis_mut(index)?;
-        let streams = protocol::stream(&axis.config);
-        if protocol::Stream::of_word(word).is_none_or(|new| !new.is_heavier_than(streams)) {
-            return Ok(());
+        let before = axis.config.clone();
+        axis.config.set(parameter, Value::Unsigned(value))?;
+        let after = &axis.config;
+        let answers_more =
+            protocol::replies_to_motion(after) > protocol::replies_to_motion(&before);
+        let sends_more = protocol::stream(after)
+            .is_some_and(|stream| stream.is_heavier_than(protocol::stream(&before)));
+        let admitted =
+            if answers_more || sends_more { self.check_axis_load(index) } else { Ok(()) };
+        let axis = self.axis_mut(index)?;
+        axis.config = before;
+        if admitted.is_ok() && sends_more {
+            axis.motor_was_told(parameter, value)?;
         }
-        let previous = axis.config.clone();
-        axis.set_stream(word)?;
-        self.check_axis_load(index).inspect_err(|_| {
-            if let Ok(axis) = self.axis_mut(index) {
-                axis.config = previous;
-            }
-        })
+        admitted
     }
 
     fn move_natively(
