@@ -2,7 +2,10 @@
 
 use crate::bench::{self, state};
 use crate::rig::{Instead, Rig};
-use host_protocol::{AxisParameter, Error, FaultReading, Reply, Request, Value, requests};
+use host_protocol::{
+    AxisParameter, AxisState, Error, Event, FaultReading, Reply, Request, Setpoint, TripReason,
+    Value, requests,
+};
 
 /// Has EF answered by this fault word, in bytes 6 and 7 (Thruster manual §3).
 fn reports(rig: &mut Rig, word: &'static str) {
@@ -66,5 +69,56 @@ fn an_axis_can_be_set_to_treat_warnings_as_faults_and_a_limit_of_the_temperature
         bench::parameter(&mut rig, 0, AxisParameter::TemperatureLimitC, Value::Float(90.0));
         reports(&mut rig, word);
         assert_eq!(try_arm(&mut rig).is_ok(), armed, "{word}");
+    }
+}
+
+/// §3: a stall switches the output off and lasts. Of the word that was read before it nothing is
+/// told, and that which the stop reads is the reason.
+#[test]
+fn a_refusal_is_told_with_the_fault_word_that_is_read_behind_it() {
+    for (fault, word) in [(true, 0x40), (false, 0)] {
+        let (mut rig, play) = bench::thruster();
+        let epoch = bench::arm(&mut rig);
+        let signal = Setpoint::Signal { fraction: 0.2 };
+        bench::keep_moving(&mut rig, &[(0, epoch)], signal, 100_000);
+        assert!(state(&mut rig).faults.is_some_and(|faults| faults.word == 0));
+        (play.borrow_mut().refuses, play.borrow_mut().fault) = (true, fault);
+        let refused = bench::setpoint(&rig, epoch, 80_000, Setpoint::Signal { fraction: 0.3 });
+        let _ = rig.ask(refused);
+        rig.run(20_000);
+        let reason = |faults| TripReason::CommandRefused { faults };
+        let told = rig.events().into_iter().find_map(|event| match event {
+            Event::Tripped { trip, .. } => Some(trip.reason),
+            _ => None,
+        });
+        assert_eq!(told, Some(reason(None)));
+        assert_eq!(state(&mut rig).trip.map(|trip| trip.reason), Some(reason(Some(word))));
+        assert_eq!(
+            bench::listed(&mut rig, 0),
+            AxisState::Tripped { confirmed: false },
+            "a refusal confirms no stop"
+        );
+        // It is no longer the first word that was read, and no longer the reason.
+        play.borrow_mut().fault = !fault;
+        rig.run(200_000);
+        assert_eq!(state(&mut rig).trip.map(|trip| trip.reason), Some(reason(Some(word))));
+        // What only asks is kept out by the stop, which says so; what changes the motor by the trip.
+        for (data, error) in [
+            ("45460000", Error::StopNotConfirmed { axis: 0 }),
+            ("43460000", Error::Tripped { axis: 0, reason: reason(Some(word)) }),
+        ] {
+            let request = bench::native(&rig, 0, data);
+            assert_eq!(rig.ask(request), Err(error));
+        }
+        assert_eq!(bench::clear(&mut rig), Err(Error::StopNotConfirmed { axis: 0 }));
+        // The unsafe way out, and then its fault is cleared: CF, and EF has nothing.
+        (play.borrow_mut().refuses, play.borrow_mut().fault) = (false, false);
+        let since = rig.now_us;
+        let unreachable = requests::ClearUnreachable { axis: 0 };
+        rig.ask(Request::ClearUnreachable(unreachable)).unwrap();
+        bench::clear(&mut rig).unwrap();
+        let sent = rig.sent_since(0, since);
+        assert!(sent.iter().any(|text| *text == "30B#43460000"), "{sent:?}");
+        assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
     }
 }

@@ -90,7 +90,7 @@ wire! {
         },
         /// The motor refused a command.
         CommandRefused {
-            /// The motor's own fault word, where it could be read.
+            /// The motor's own fault word, where it has been read since.
             faults: Option<u16>,
         },
         /// No node acknowledged a motion frame in time.

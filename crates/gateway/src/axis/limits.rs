@@ -35,6 +35,7 @@ impl Axis {
             return;
         }
         if !self.is_armed() {
+            self.note_refusal(seen);
             self.leave_turning_motor_alone(now, seen);
             return;
         }

@@ -315,7 +315,8 @@ impl Axis {
             return;
         }
         if self.is_armed() && request.exchange == Exchange::Motion {
-            self.trip(now, TripReason::CommandRefused { faults: self.measured.fault_word() }, out);
+            // The fault word that was read last is older than the refusal: the stop reads it.
+            self.trip(now, TripReason::CommandRefused { faults: None }, out);
             return;
         }
         let faults = self.measured.fault_word();

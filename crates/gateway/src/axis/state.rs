@@ -2,6 +2,7 @@
 
 use super::setpoint::Motion;
 use super::{Axis, Silence, Stop};
+use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol::{self, Exchange, Info};
 use crate::time::Instant;
@@ -322,6 +323,16 @@ impl Axis {
         self.go_to(State::Tripped(Tripped { trip, spreads, is_unrecorded: true }, stop));
         self.interrupt(now, Error::Tripped { axis: self.index, reason }, out);
         out.event(&Event::Tripped { axis: self.index, trip });
+    }
+
+    /// The fault word that is read first after a refused command tells why it was refused.
+    pub(super) fn note_refusal(&mut self, seen: &Observation) {
+        if seen.faults.is_some()
+            && let State::Tripped(Tripped { trip, .. }, _) = &mut self.state
+            && let TripReason::CommandRefused { faults: faults @ None } = &mut trip.reason
+        {
+            *faults = seen.faults;
+        }
     }
 
     /// The axis was in motion, or tripped already, when the gateway was reset. A motor that was

@@ -9,6 +9,7 @@ use serde_json::json;
 use crate::args::{Command, Typed, TypedClear, TypedStop};
 use crate::commands::stop_report;
 use crate::failure::Failure;
+use crate::faults;
 use crate::names::Names;
 use crate::output::Output;
 use crate::session::Session;
@@ -131,11 +132,23 @@ pub fn clear(
 
 /// Clears the trip of an axis whose stop is confirmed; what then holds.
 pub fn clear_axis(session: &mut Session, axis: u8) -> Result<String, Failure> {
-    let state = session.client.read_state(axis).map(|report| report.state);
-    session.client.clear(ClearTarget::Axis(axis)).map_err(not_cleared)?;
-    Ok(match state {
-        Ok(AxisState::Tripped { .. }) | Err(_) => cleared(axis),
-        Ok(_) => format!("axis {axis} was not tripped: there was nothing to clear"),
+    let before = session.client.read_state(axis).ok();
+    let word = before.as_ref().and_then(|report| report.faults).map_or(0, |faults| faults.word);
+    match session.client.clear(ClearTarget::Axis(axis)) {
+        Err(ClientError::Gateway(error @ Error::StopNotConfirmed { .. })) if word != 0 => {
+            let axes = session.client.list_axes()?;
+            let protocol = axes.iter().find(|known| known.axis == axis).and_then(|a| a.protocol);
+            let fault = faults::in_words(protocol, word);
+            return Err(not_confirmed(error, axis, &format!(" ({fault})")));
+        }
+        cleared => cleared.map_err(not_cleared)?,
+    }
+    Ok(match before.map(|report| report.state) {
+        Some(AxisState::Tripped { .. }) | None => cleared(axis),
+        Some(_) if word != 0 => {
+            format!("axis {axis} was not tripped; its motor was told to clear its faults")
+        }
+        Some(_) => format!("axis {axis} was not tripped: there was nothing to clear"),
     })
 }
 
@@ -151,14 +164,23 @@ pub fn output_off(session: &mut Session, axis: u8) -> Result<(), Failure> {
         .either(format!("axis {axis} is idle, its motor's output is off"), &json!({ "done": true }))
 }
 
-/// With the way out where the motor will not answer, as one that has another id by now.
+/// With the way out where the motor will not confirm its stop.
 fn not_cleared(error: ClientError) -> Failure {
-    let ClientError::Gateway(error @ Error::StopNotConfirmed { axis }) = error else {
-        return error.into();
-    };
+    match error {
+        ClientError::Gateway(error @ Error::StopNotConfirmed { axis }) => {
+            not_confirmed(error, axis, "")
+        }
+        other => other.into(),
+    }
+}
+
+/// A motor that refuses its stop for a fault that it keeps confirms none, nor does one that has
+/// another id by now.
+fn not_confirmed(error: Error, axis: u8, fault: &str) -> Failure {
     let text = format!(
-        "{error}. If it cannot answer any more, as its id or bitrate is another one, see yourself \
-            that it stands; then `mgw clear {axis} --unreachable`"
+        "{error}. If it refuses its stop for a fault that it keeps{fault}, or cannot answer any \
+            more, as its id or bitrate is another one, see yourself that it stands; then `mgw \
+            clear {axis} --unreachable`, after which `mgw clear {axis}` clears the fault"
     );
     Failure::Explained { error, text }
 }

@@ -84,6 +84,35 @@ fn a_board_that_loses_its_power_forgets_and_one_that_is_reset_does_not() {
 }
 
 #[test]
+fn a_thruster_that_refuses_its_stop_for_a_fault_that_it_keeps_has_a_way_out() {
+    let mut sim = Sim::patient();
+    let port = sim.port.clone();
+    let set = std::thread::spawn(move || {
+        mgw(&["--port", &port, "set", "1", "signal", "0.3", "--for", "60"])
+    });
+    sim.process
+        .wait_for("motion", |line| line.contains("bus 0  thruster 0x0B  moving").then_some(()));
+    sim.typed("motor 1 faults 0x0040");
+    set.join().expect("it runs");
+    // Its cause is gone; what it keeps is not.
+    sim.typed("motor 1 faults 0");
+    let state = json(&sim.mgw(&["--json", "state", "1"]).success());
+    assert_eq!(state["axes"][0]["trip"]["faults"], serde_json::json!(["stall"]), "{state}");
+    let text = sim.mgw_once_in_command(&["clear", "1"]).failure(1);
+    let told = "refuses its stop for a fault that it keeps (stall (0x0040))";
+    assert!(text.contains(told) && text.contains("`mgw clear 1 --unreachable`"), "{text}");
+    let text = sim.mgw_once_in_command(&["motor", "1", "clear-faults", "--yes"]).failure(1);
+    assert!(text.contains("has not confirmed its stop"), "{text}");
+    let doctor = sim.mgw_once_in_command(&["doctor"]).stdout;
+    assert!(doctor.contains("goes on refusing its stop for the fault"), "{doctor}");
+    sim.mgw_once_in_command(&["clear", "1", "--unreachable"]).success();
+    let text = sim.mgw_once_in_command(&["clear", "1"]).success();
+    assert!(text.contains("its motor was told to clear its faults"), "{text}");
+    sim.mgw_once_in_command(&["config", "timeout", "1", "500"]).success();
+    sim.mgw_once_in_command(&["set", "1", "signal", "0.2", "--for", "0.1"]).success();
+}
+
+#[test]
 fn what_is_no_fault_is_answered_with_those_that_there_are() {
     let mut sim = Sim::start();
     for (typed, said) in [

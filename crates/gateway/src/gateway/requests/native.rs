@@ -101,7 +101,10 @@ impl Gateway {
                 | AxisState::Tripped { confirmed: true }
         );
         if !free {
-            return Err(Error::Busy { axis: index });
+            return Err(match axis.state() {
+                AxisState::Tripped { .. } => Error::StopNotConfirmed { axis: index },
+                _ => Error::Busy { axis: index },
+            });
         }
         if let Some(velocity_rad_s) = axis.left_alone_at_rad_s(now) {
             return Err(Error::NotStandstill { axis: index, velocity_rad_s });

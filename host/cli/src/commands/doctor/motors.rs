@@ -33,11 +33,17 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
         match session.client.read_state_when_free(axis) {
             Ok(report) => {
                 let mut wrong = Vec::new();
+                let word = report.faults.map_or(0, |faults| faults.word);
                 if let (AxisState::Tripped { confirmed }, Some(trip)) = (report.state, &report.trip)
                 {
                     let reason = words::trip_reason(&trip.reason, summary.protocol);
                     let todo = match confirmed {
                         true => format!("`mgw clear {axis}`"),
+                        false if word != 0 => format!(
+                            "`mgw clear {axis}`. Where its motor goes on refusing its stop for \
+                                the fault, see that it stands, then `mgw clear {axis} \
+                                --unreachable` and `mgw clear {axis}`"
+                        ),
                         false => format!(
                             "`mgw clear {axis}`. Where its motor cannot answer any more, as its id \
                                 is another one, see that it stands, then `mgw clear {axis} \
@@ -48,7 +54,6 @@ pub fn axes(session: &mut Session, findings: &mut Findings) -> Result<Vec<AxisSu
                     wrong.push((Page::of_trip(&trip.reason), text));
                 }
                 wrong.extend(of_velocity(axis, &report));
-                let word = report.faults.map_or(0, |faults| faults.word);
                 if word != 0 {
                     let names = faults::in_words(summary.protocol, word);
                     let text = format!("its motor reports {names}: `mgw state {axis}` says more");
