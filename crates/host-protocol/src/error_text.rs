@@ -6,7 +6,7 @@ use crate::axis::AxisState;
 use crate::bus::MAX_BITRATES;
 use crate::errors::{NoReplyHint, TogetherBar};
 use crate::messages::request_name;
-use crate::parameters::{self, ValueKind};
+use crate::parameters::{self, AxisParameter, ValueKind};
 use crate::protocol::Protocol;
 use crate::value::Quantity;
 
@@ -102,6 +102,26 @@ impl fmt::Display for Bounds {
         // A D5's timeout has a switch and no time.
         if let (Quantity::MotorTimeout, 0.0, 1.0) = (quantity, min, max) {
             return write!(f, "{quantity} {value} is out of range; allowed are 0 (off) or 1 (on)");
+        }
+        // The row of its axis says another level than the motor has.
+        let is_level = quantity == Quantity::Parameter(AxisParameter::D5AckLevel.number());
+        if is_level && min == max {
+            return write!(
+                f,
+                "the motor is at acknowledge level {value}, and {quantity} of its axis says {min}; \
+                 set one of them to the other"
+            );
+        }
+        // A thruster stands or has a least speed; a limit of velocity is one of both directions.
+        if quantity == Quantity::Velocity && (min > 0.0 || max < 0.0) {
+            let (value, least) =
+                (Amount(value, quantity), Amount(min.abs().min(max.abs()), quantity));
+            let most = Amount(min.abs().max(max.abs()), quantity);
+            return write!(
+                f,
+                "{quantity} {value} is out of range; allowed are 0, and {least} to {most} in either \
+                 direction"
+            );
         }
         let [value, min, max] = [value, min, max].map(|number| Amount(number, quantity));
         // Of a direction, the only signed parameter, only the bounds are allowed.
@@ -255,6 +275,27 @@ mod tests {
             Error::WrongType { parameter: 4 }.to_string(),
             "direction takes another kind of value; give it as signed"
         );
+    }
+
+    /// Of a D5 and of a thruster, whose ranges two numbers do not say by themselves.
+    #[test]
+    fn a_level_of_the_motor_and_the_least_speed_are_told_as_what_they_are() {
+        let quantity = Quantity::Parameter(AxisParameter::D5AckLevel.number());
+        let error = Error::OutOfRange { quantity, value: 1.0, min: 2.0, max: 2.0 };
+        assert_eq!(
+            error.to_string(),
+            "the motor is at acknowledge level 1, and d5_ack_level of its axis says 2; set one of \
+             them to the other"
+        );
+        let error = Error::OutOfRange { quantity, value: 3.0, min: 0.0, max: 2.0 };
+        assert_eq!(error.to_string(), "d5_ack_level 3 is out of range; allowed are 0 to 2");
+        let quantity = Quantity::Velocity;
+        for (value, min, max) in [(1.0, 3.25, 3431.5), (-1.0, -3431.5, -3.25)] {
+            let error = Error::OutOfRange { quantity, value, min, max };
+            let told = "is out of range; allowed are 0, and 3.25 rad/s to 3431.5 rad/s in either \
+                direction";
+            assert!(error.to_string().ends_with(told), "{error}");
+        }
     }
 
     #[test]

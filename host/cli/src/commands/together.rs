@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use host_protocol::requests::{MAX_MEMBERS, Member};
-use host_protocol::{Setpoint, Vec as Members};
-use mgw_client::Hold;
+use host_protocol::{Error, Protocol, Setpoint, TogetherBar, Vec as Members};
+use mgw_client::{ClientError, Hold};
 
 use super::arm::while_armed;
 use super::drive::{ArmedAxis, Rounds, refuse_twice};
@@ -17,6 +17,7 @@ use crate::session::Session;
 /// them.
 pub fn run(session: &mut Session, arguments: &TogetherArgs) -> Result<(), Failure> {
     let targets = targets(session, arguments)?;
+    check_start(session, &targets)?;
     for Target { axis, velocity } in &targets {
         limits::check_setpoint(session, *axis, Setpoint::Velocity { velocity_rad_s: *velocity })?;
     }
@@ -34,6 +35,33 @@ fn targets(session: &mut Session, arguments: &TogetherArgs) -> Result<Vec<Target
     }
     refuse_twice(&targets.iter().map(|target| target.axis).collect::<Vec<_>>())?;
     Ok(targets)
+}
+
+/// What the gateway would refuse to start by one frame, found before anything is armed.
+fn check_start(session: &mut Session, targets: &[Target]) -> Result<(), Failure> {
+    let known = session.client.list_axes()?;
+    let of = |axis: u8| known.iter().find(|known| known.axis == axis);
+    let first = targets.first().and_then(|first| of(first.axis)).and_then(|first| first.bus);
+    for target in targets {
+        let axis = target.axis;
+        // Arming says what an axis lacks.
+        let Some((protocol, bus)) = of(axis).and_then(|axis| axis.protocol.zip(axis.bus)) else {
+            continue;
+        };
+        if protocol != Protocol::D5 {
+            let error = Error::Unsupported { axis, protocol };
+            let text = format!(
+                "axis {axis} speaks {protocol}: only D5 motors are started by one frame; `mgw \
+                    cycle` moves several of others"
+            );
+            return Err(Failure::Explained { error, text });
+        }
+        if first.is_some_and(|first| first != bus) {
+            let reason = TogetherBar::OtherBus;
+            return Err(ClientError::Gateway(Error::CannotStartTogether { axis, reason }).into());
+        }
+    }
+    Ok(())
 }
 
 fn start_and_hold(

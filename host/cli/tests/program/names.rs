@@ -79,6 +79,21 @@ fn d5_motors_start_together_by_name() {
     assert!(text.contains("`3rd` is neither the number nor the name of an axis"), "{text}");
 }
 
+/// The gateway would refuse it when both are armed.
+#[test]
+fn what_cannot_start_together_is_told_before_anything_is_armed() {
+    let sim = Sim::patient();
+    for (axis, said) in [
+        ("1", "axis 1 speaks thruster: only D5 motors are started by one frame"),
+        ("0", "axis 0 speaks rmd: only D5 motors are started by one frame"),
+    ] {
+        let outcome = sim.mgw(&["together", "2", "velocity", "1", axis, "velocity", "6"]);
+        assert!(!outcome.stdout.contains("stop"), "something was armed: {outcome:?}");
+        let text = outcome.failure(1);
+        assert!(text.contains(said), "{text}");
+    }
+}
+
 /// The list of names, for what is unknown; the axis, for what is taken; what is allowed, otherwise.
 #[test]
 fn a_wrong_name_is_answered_with_what_there_is() {
