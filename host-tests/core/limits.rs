@@ -111,6 +111,63 @@ fn an_encoder_that_a_limit_needs_stays() {
 }
 
 #[test]
+fn a_position_limit_lies_where_the_motor_tells_of_what_is_beyond() {
+    use AxisParameter::{
+        LimitMargin, PositionMaxRad, PositionMinRad, StatePollUs, VelocityLimitRadS,
+    };
+    // A D5 tells 32 767°, a thruster 179.9° and an RMD 2^31 hundredths of a degree. 3/4 of that,
+    // less the margin, unless a speed says how far the motor gets in 50 ms.
+    let fast = (VelocityLimitRadS, Value::Float(100.0));
+    let slow = (VelocityLimitRadS, Value::Float(3.2));
+    let margin = (LimitMargin, Value::Float(0.0));
+    let often = (StatePollUs, Value::Unsigned(5_000));
+    for (protocol, bus, set_before, last) in [
+        (Protocol::D5, 1, vec![], 389.9),
+        (Protocol::D5, 1, vec![fast], 514.8),
+        (Protocol::D5, 1, vec![fast, often], 519.3),
+        (Protocol::D5, 1, vec![slow, margin], 571.7),
+        (Protocol::Thruster, 0, vec![], 2.139),
+        (Protocol::Thruster, 0, vec![slow], 2.692),
+        (Protocol::Rmd, 0, vec![], 255_500.0),
+    ] {
+        let mut rig = rig();
+        for (parameter, value) in address(protocol, protocol == Protocol::Thruster, bus) {
+            set(&mut rig, parameter, value).unwrap();
+        }
+        for (parameter, value) in &set_before {
+            set(&mut rig, *parameter, *value).unwrap();
+        }
+        for (limit, sign) in [(PositionMinRad, -1.0), (PositionMaxRad, 1.0)] {
+            let what = format!("{protocol:?} {set_before:?} {limit:?}");
+            set(&mut rig, limit, Value::Float(sign * last)).expect(&what);
+            let result = set(&mut rig, limit, Value::Float(sign * last * 1.002));
+            let Err(Error::OutOfRange { quantity, min, max, .. }) = result else {
+                panic!("{what}: {result:?}")
+            };
+            assert_eq!(quantity, Quantity::Parameter(limit.number()), "{what}");
+            assert!((last..last * 1.002).contains(&max) && min == -max, "{what}: {min} to {max}");
+        }
+    }
+}
+
+#[test]
+fn a_speed_at_which_nothing_of_the_range_is_left_is_refused_beside_a_position_limit() {
+    let mut rig = rig();
+    for (parameter, value) in address(Protocol::Thruster, true, 0) {
+        set(&mut rig, parameter, value).unwrap();
+    }
+    set(&mut rig, AxisParameter::PositionMaxRad, Value::Float(0.0)).unwrap();
+    // 179.8° less 0.1 rad, in 50 ms, with a tenth as the speed's own margin.
+    set(&mut rig, AxisParameter::VelocityLimitRadS, Value::Float(55.2)).unwrap();
+    let result = set(&mut rig, AxisParameter::VelocityLimitRadS, Value::Float(55.3));
+    let quantity = Quantity::Parameter(AxisParameter::VelocityLimitRadS.number());
+    assert!(
+        matches!(result, Err(Error::OutOfRange { quantity: of, .. }) if of == quantity),
+        "{result:?}"
+    );
+}
+
+#[test]
 fn the_least_standstill_is_one_unit_of_the_motor_s_reading() {
     // 1 °/s, and 1 rpm.
     for (protocol, bus, unit, below) in [

@@ -180,8 +180,42 @@ pub(crate) fn check_config(axis: u8, bus: BusKind, config: &AxisConfig) -> Resul
     protocol::check_dialect(axis, config)?;
     let least = Info::of_axis(config).map_or(0.0, Info::speed_unit_rad_s);
     within_range(AxisParameter::StandstillRadS, config.standstill_rad_s(), least, 10.0)?;
+    check_reach(config)?;
     let (min, max) = config.position_range();
     within_range(AxisParameter::PositionMinRad, min, f32::NEG_INFINITY, max)
+}
+
+/// The part of what a motor tells of its position that lies beyond a limit where no limit of the
+/// speed says how far it gets between two readings.
+const UNKNOWN_TRAVEL: f32 = 0.25;
+
+/// Refuses a position limit, or a speed beside it, with which the motor could pass all positions
+/// that trip the axis between two readings: beyond the last one it tells another angle, or stays.
+fn check_reach(config: &AxisConfig) -> Result<(), Error> {
+    use AxisParameter::{PositionMaxRad, PositionMinRad, VelocityLimitRadS};
+    let Some(info) = Info::of_axis(config) else { return Ok(()) };
+    let mut limits = [PositionMinRad, PositionMaxRad]
+        .into_iter()
+        .filter_map(|limit| Some((limit, config.float(limit)?)))
+        .peekable();
+    if limits.peek().is_none() {
+        return Ok(());
+    }
+    let margin = config.limit_margin();
+    // The last position that trips lies beyond the threshold.
+    let farthest = info.position_rad(info.farthest - 1);
+    let seconds = config.state_poll().as_micros_u32() as f32 / 1e6 * (1.0 + margin);
+    let travel = match config.float(VelocityLimitRadS) {
+        Some(fastest) => {
+            within_range(VelocityLimitRadS, fastest, 0.0, (farthest - margin) / seconds)?;
+            fastest * seconds
+        }
+        None => farthest * UNKNOWN_TRAVEL,
+    };
+    // Near 0 a position has the margin of 1 rad.
+    let last = farthest - travel;
+    let reach = (last - margin).min(last / (1.0 + margin));
+    limits.try_for_each(|(limit, value)| within_range(limit, value, -reach, reach))
 }
 
 fn check_return_mode(config: &AxisConfig) -> Result<(), Error> {

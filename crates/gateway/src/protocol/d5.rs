@@ -9,7 +9,7 @@ use crate::config::AxisConfig;
 use crate::measured::Observation;
 use d5::{
     AckLevel, Address, Answer, DegreesPerSecond, FRAME_LEN, MotorError, Node, Register, Reply,
-    Request, Value, Width, can,
+    Request, Value, Width, angle, can,
 };
 use heapless::Vec;
 use host_protocol::{AxisParameter, CanFrame, CanId, Error, Quantity, Setpoint, StopAction};
@@ -42,6 +42,8 @@ pub(super) static INFO: Info = Info {
     sensor_faults: 0,
     speed: &DEGREES,
     position: &DEGREES,
+    // Common commands, row 5. What it tells of a motor beyond is not said (D4).
+    farthest: angle::ANGLE_MAX as i32,
     angle: None,
     own_parameters: &[
         AxisParameter::D5AckLevel,

@@ -151,6 +151,8 @@ pub(crate) struct Info {
     /// The units in which its motors tell their speed and their position.
     pub(in crate::protocol) speed: &'static Scale,
     pub(in crate::protocol) position: &'static Scale,
+    /// The farthest position that they tell to either side, in its unit.
+    pub farthest: i32,
     /// How replies to setpoints tell the position, where they do.
     pub angle: Option<AngleForm>,
     /// The parameters that only its motors have, beside limits.

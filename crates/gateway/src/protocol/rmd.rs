@@ -46,6 +46,8 @@ pub(super) static INFO: Info = Info {
     sensor_faults: 0,
     speed: &DEGREES,
     position: &CENTIDEGREES,
+    // All turns of 0x92 (§2.11).
+    farthest: i32::MAX,
     // Whole degrees in 16 bits (RMD V3.6 §2.13.3); 60 000 °/s² (§2.4).
     angle: Some(AngleForm { step: CENTI, span: 65_536 * CENTI, acceleration_rad_s2: 1_047.2 }),
     own_parameters: &[

@@ -34,6 +34,8 @@ pub(super) static INFO: Info = Info {
     sensor_faults: Faults::TEMPERATURE_SENSORS.bits(),
     speed: &RPM,
     position: &DECIDEGREES,
+    // That of LA (§4.1); no range of QA is printed.
+    farthest: thruster::POSITION_MAX,
     angle: None,
     own_parameters: &[
         AxisParameter::PositionDevice,

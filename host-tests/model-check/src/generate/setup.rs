@@ -92,8 +92,10 @@ pub(super) fn configuration(
         }
         let tells_position = motor.protocol != Protocol::Thruster || axis == POSITION_DEVICE;
         if tells_position && dice.percent(8) {
-            set(AxisParameter::PositionMinRad, Number::Float(-20.0));
-            set(AxisParameter::PositionMaxRad, Number::Float(20.0));
+            // A thruster tells half a turn to either side.
+            let farthest = if motor.protocol == Protocol::Thruster { 2.0 } else { 20.0 };
+            set(AxisParameter::PositionMinRad, Number::Float(-farthest));
+            set(AxisParameter::PositionMaxRad, Number::Float(farthest));
         }
         // Less than what a thruster can tell: an axis with it cannot become that of one.
         if motor.protocol != Protocol::Thruster && dice.percent(10) {

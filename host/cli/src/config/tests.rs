@@ -331,7 +331,7 @@ fn what_is_dumped_is_the_same_configuration() {
     let examples = [FOUR_MOTORS, D5_ON_RS485].join("\n");
     let axis = "[[axis]]\naxis = 31\nbus = 1\nprotocol = \"d5\"\nnode = 0x0C\nstop_action = \"hold\"\n\
         d5_request_id = \"extended:0x12345678\"\nd5_reply_id = 0x7FF\ndirection = -1\n\
-        limit_margin = 0.3333333\nposition_min_rad = -1e6\nallow_uncommanded = true\n\
+        limit_margin = 0.3333333\nposition_min_rad = -3e2\nallow_uncommanded = true\n\
         motor_timeout_ms = 0\nname = \"a-name_of-16-bts\"\n";
     let configuration = whole(&(examples + "\n" + axis));
     let text = dump(&configuration);
