@@ -18,6 +18,8 @@ struct Case {
     setpoint: Setpoint,
     /// Its stop leaves the output of the motor on.
     holds: bool,
+    /// It must hear something meanwhile.
+    is_kept_holding: bool,
 }
 
 const CASES: [Case; 4] = [
@@ -27,6 +29,7 @@ const CASES: [Case; 4] = [
         frames: || [raw_frames::rmd_on_can(), raw_frames::thruster()].concat(),
         setpoint: bench::VELOCITY,
         holds: true,
+        is_kept_holding: true,
     },
     Case {
         bus: 0,
@@ -38,6 +41,7 @@ const CASES: [Case; 4] = [
         frames: || [raw_frames::rmd_on_can(), raw_frames::thruster()].concat(),
         setpoint: Setpoint::Signal { fraction: 0.1 },
         holds: false,
+        is_kept_holding: false,
     },
     Case {
         bus: 1,
@@ -45,6 +49,7 @@ const CASES: [Case; 4] = [
         frames: raw_frames::d5,
         setpoint: bench::D5_VELOCITY,
         holds: true,
+        is_kept_holding: false,
     },
     Case {
         bus: 2,
@@ -52,6 +57,7 @@ const CASES: [Case; 4] = [
         frames: raw_frames::serial,
         setpoint: bench::VELOCITY,
         holds: true,
+        is_kept_holding: true,
     },
 ];
 
@@ -158,7 +164,7 @@ fn raw_frames_of_every_class_in_every_state() {
                 }
                 let idle = match state {
                     State::Unconfigured | State::Idle => true,
-                    State::Holding => !case.holds,
+                    State::Holding => !case.is_kept_holding,
                     _ => false,
                 };
                 let opened = open(&mut rig, case.bus);

@@ -216,6 +216,15 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
+    /// Whether it is not at rest, or is polled to go on holding, as an RMD is.
+    pub fn needs_its_bus(&self) -> bool {
+        match self.told {
+            Told::Unconfigured | Told::Idle => false,
+            Told::Holding => self.protocol() == Some(Protocol::Rmd),
+            _ => true,
+        }
+    }
+
     /// Whether the gateway says that it may move or is about to.
     pub fn is_busy(&self) -> bool {
         matches!(self.told, Told::Armed | Told::Active | Told::Stopping)

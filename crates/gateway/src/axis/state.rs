@@ -233,10 +233,14 @@ impl Axis {
         (!self.is_configured() || self.is_idle_or_holding()) && self.job.is_none()
     }
 
-    /// Whether the axis needs its motor as it is: it holds, may move or moves, or has yet to be
-    /// stopped or cleared.
+    /// Whether the axis needs its bus: it keeps its motor holding, may move or moves, or has yet to
+    /// be stopped or cleared.
     pub fn is_in_use(&self) -> bool {
-        !matches!(self.state, State::Unconfigured | State::Idle)
+        match self.state {
+            State::Unconfigured | State::Idle => false,
+            State::Holding => self.is_polled_to_hold(),
+            _ => true,
+        }
     }
 
     /// Whether so many stops stayed unconfirmed that nothing is known of the motor.

@@ -5,7 +5,6 @@ use crate::bus::{Held, SOFTWARE_US};
 use crate::motor::{Deed, Protocol, RMD_SERIAL_ALL};
 use crate::oracle::{Frame, Oracle};
 use crate::violation::Check;
-use crate::wire::Told;
 
 /// D5: the id of all motors.
 const D5_ALL: u8 = 0xFE;
@@ -115,8 +114,8 @@ impl Oracle {
 
     /// Whether a bus may be open for raw frames (G10).
     pub(crate) fn may_be_raw(&self, bus: usize) -> bool {
-        let rests = |told| matches!(told, Told::Idle | Told::Unconfigured);
-        !self.e_stopped && self.axes.iter().all(|axis| axis.bus() != Some(bus) || rests(axis.told))
+        !self.e_stopped
+            && self.axes.iter().all(|axis| axis.bus() != Some(bus) || !axis.needs_its_bus())
     }
 
     /// Raw access ends there, and what waits with it.

@@ -52,9 +52,10 @@ impl Oracle {
             News::State { axis, state } => {
                 self.state(now, usize::from(axis), state);
                 // Whatever an axis does but rest ends raw access beside it.
-                let bus = self.axes.get(usize::from(axis)).and_then(|axis| axis.bus());
-                if !matches!(state, Told::Idle | Told::Unconfigured) {
-                    self.close_raw(bus, now);
+                if let Some(axis) = self.axes.get(usize::from(axis))
+                    && axis.needs_its_bus()
+                {
+                    self.close_raw(axis.bus(), now);
                 }
             }
         }

@@ -3,7 +3,6 @@
 
 use crate::axis::{Axis, Cause};
 use crate::bus::Bus;
-use crate::motor::Protocol;
 use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::{BusSetting, Told};
@@ -27,13 +26,7 @@ pub(crate) struct Stored {
 impl Oracle {
     /// The gateway gives out what is to be stored: its configuration, or nothing any more.
     pub fn stores(&mut self, now: u64, keeps: bool) {
-        let moves = |axis: &Axis| match axis.told {
-            Told::Unconfigured | Told::Idle => false,
-            // It is polled to go on holding.
-            Told::Holding => axis.protocol() == Some(Protocol::Rmd),
-            _ => true,
-        };
-        self.check_stored(now, moves);
+        self.check_stored(now, Axis::needs_its_bus);
         let configuration = keeps.then(|| Configuration {
             silence_us: self.silence_us,
             buses: self.buses.iter().map(Bus::setting).collect(),
