@@ -1,6 +1,6 @@
 //! Setpoints become the manuals' bytes, and the motors' answers SI units.
 
-use crate::bench::{self, VELOCITY, arm, run_with_host, setpoint};
+use crate::bench::{self, VELOCITY, arm, disarm, run_with_host, setpoint};
 use host_protocol::{
     AxisParameter, AxisState, Reply, Request, Setpoint, StopAction, Value, requests,
 };
@@ -62,8 +62,15 @@ fn arming_sends_each_protocols_sequence_and_no_motion() {
     let (mut rig, _) = bench::thruster();
     let since = rig.now_us;
     arm(&mut rig);
-    let sent =
-        ["30B#45460000", "30B#46520000", "30B#5443000000000000", "30B#45460000", "30B#51560000"];
+    let stop = "30B#5443000000000000";
+    let sent = ["30B#45460000", "30B#46520000", stop, "30B#45460000", "30B#51560000"];
+    // Nothing was sent to it before: its stop comes first (`first_stop`).
+    assert_eq!(rig.sent_since(0, since), [&[stop][..], &sent].concat());
+    rig.run(1_000);
+    disarm(&mut rig);
+    rig.run(10_000);
+    let since = rig.now_us;
+    arm(&mut rig);
     assert_eq!(rig.sent_since(0, since), sent);
 
     let (mut rig, _) = bench::d5();

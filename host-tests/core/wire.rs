@@ -116,7 +116,10 @@ fn thruster_reads_and_timeout() {
         "30B#45460000",
         "30B#51410000",
     ];
-    assert_eq!(sent, [qv, qc, qp, qt, eq, ef, qa]);
+    // Nothing was sent to it before: its stop comes first (`first_stop`).
+    let [tc, ls] = ["30B#5443000000000000", "30B#4C53000000000000"];
+    assert_eq!(sent, [tc, ls, qv, qc, qp, qt, eq, ef, qa]);
+    assert_eq!(read_state(&mut rig, 0), [qv, qc, qp, qt, eq, ef, qa]);
     assert_eq!(provision(&mut rig, 0, 5_000), ["30B#5354000000001388"]); // Thruster manual §2.3
 }
 

@@ -301,7 +301,14 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) {
         let exchange = request.exchange;
-        if self.job_step() != Some(exchange) {
+        if self.job_step() != Some(exchange) && self.owed_first() != Some(exchange) {
+            // A first stop has had its time.
+            if exchange.is_stop()
+                && self.stop().is_none()
+                && let Some(job) = &mut self.job
+            {
+                job.since = now;
+            }
             return;
         }
         if self.is_restarting() {

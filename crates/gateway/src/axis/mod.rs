@@ -6,6 +6,7 @@
 mod angle;
 mod arming;
 mod cycle;
+mod first_stop;
 mod job;
 mod limits;
 mod look;
@@ -43,6 +44,7 @@ use crate::transaction::Transactions;
 use angle::Angle;
 use core::num::NonZeroU64;
 use cycle::Cycling;
+use first_stop::FirstStop;
 use host_protocol::replies::{AxisReport, AxisSettings, MAX_SETTINGS};
 use host_protocol::{
     AxisParameter, AxisSummary, CycleResult, Event, FaultReading, MotorTimeout, Setting,
@@ -95,6 +97,7 @@ pub(crate) struct Axis {
     restart_owed: bool,
     /// An asynchronous write waits in the motor.
     write_waits: bool,
+    first_stop: FirstStop,
     /// What its answers said of the version of its protocol when it was asked last.
     evidence: Evidence,
     /// What outlives a reset of the gateway has changed and has still to be saved.
@@ -129,6 +132,7 @@ impl Axis {
             run_time: RunTime::UNKNOWN,
             restart_owed: false,
             write_waits: false,
+            first_stop: FirstStop::Owed,
             evidence: Evidence::NONE,
             is_unsaved: false,
             row_was_told: false,
@@ -150,6 +154,7 @@ impl Axis {
         if moved {
             self.transactions.forget();
             self.silence = Silence::NONE;
+            self.first_stop = FirstStop::Owed;
             self.state_poll_at = Instant::default();
             self.forget_motor_timeout();
             self.run_time = RunTime::UNKNOWN;

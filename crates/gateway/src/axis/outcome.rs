@@ -60,6 +60,7 @@ impl Axis {
         let Some(request) = self.transactions.transmitted(now, slot, window, &self.config) else {
             return;
         };
+        self.note_first_stop(request.exchange);
         if let Some(job) = &mut self.job {
             job.note_transmitted(&request.command);
         }

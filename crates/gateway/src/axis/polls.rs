@@ -162,10 +162,16 @@ impl Axis {
             State::Idle | State::Holding => {
                 let polled = self.is_kept_holding() || self.watched;
                 let poll = polled.then_some((Next::Poll, self.state_poll_at));
-                self.earliest(&[job, poll])
+                self.behind_first_stop(self.earliest(&[job, poll]))
             }
-            State::Unconfigured | State::Arming => self.earliest(&[job]),
+            State::Unconfigured | State::Arming => self.behind_first_stop(self.earliest(&[job])),
         }
+    }
+
+    /// Puts what a motor that is new to us must hear first in the place of what is wanted.
+    fn behind_first_stop(&self, next: Option<(Next, Instant)>) -> Option<(Next, Instant)> {
+        let (wanted, at) = next?;
+        Some((self.owed_first().map_or(wanted, Next::This), at))
     }
 
     fn earliest(&self, candidates: &[Option<(Next, Instant)>]) -> Option<(Next, Instant)> {

@@ -31,6 +31,7 @@ impl Axis {
             run_time,
             restart_owed,
             write_waits,
+            first_stop,
             evidence,
             is_unsaved,
             row_was_told,
@@ -47,8 +48,9 @@ impl Axis {
             }
             _ => {
                 let timeout = (motor_timeout, written_timeout_ms, heard_at, run_time);
-                let flags = (restart_owed, write_waits, evidence, is_unsaved, row_was_told);
-                (angle, timeout, flags, telemetry).serialize(to)
+                let flags = (restart_owed, write_waits, first_stop);
+                let rest = (evidence, is_unsaved, row_was_told);
+                (angle, timeout, flags, rest, telemetry).serialize(to)
             }
         }
     }

@@ -31,6 +31,7 @@ pub(super) static INFO: Info = Info {
     // On the safe side (PROTOCOL-NOTES D14).
     free_ids: true,
     replies_outrank_stops: false,
+    resumes_when_asked: false,
     polled_to_hold: false,
     // Quick start (3) and (4).
     starts_together: true,

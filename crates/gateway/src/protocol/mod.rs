@@ -134,6 +134,9 @@ pub(crate) struct Info {
     pub free_ids: bool,
     /// On CAN its replies win the arbitration against its stops.
     pub replies_outrank_stops: bool,
+    /// Whatever a motor hears may set it in motion: one that its own timeout has stopped may go on
+    /// with its old setpoint.
+    pub resumes_when_asked: bool,
     /// Its motors hold only while they hear something.
     pub polled_to_hold: bool,
     /// One frame can start several of its motors.

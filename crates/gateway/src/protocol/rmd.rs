@@ -36,6 +36,8 @@ pub(super) static INFO: Info = Info {
     alone: false,
     free_ids: false,
     replies_outrank_stops: false,
+    // What comes first after its timeout it ignores, and it stays without output (R20).
+    resumes_when_asked: false,
     polled_to_hold: true,
     starts_together: false,
     // It writes its timeout to ROM (§2.30).

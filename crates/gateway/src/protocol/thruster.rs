@@ -23,6 +23,8 @@ pub(super) static INFO: Info = Info {
     free_ids: false,
     // Requests have 0x300 + node, replies and streams 0x280 + node.
     replies_outrank_stops: true,
+    // The manual does not say that it does not (T21).
+    resumes_when_asked: true,
     polled_to_hold: false,
     starts_together: false,
     // The manual does not say that it keeps ST (§2.3).

@@ -1,0 +1,88 @@
+//! A thruster that was told to move before it became an axis's may stand because its own timeout
+//! has acted, and go on with its old setpoint when it hears something: it hears its stop first.
+
+use crate::bench::{self, native, parameter, provision, run_with_host};
+use crate::rig::Rig;
+use host_protocol::{
+    AxisParameter, AxisState, Error, NoReplyHint, Request, StateField, StateFields, Value, requests,
+};
+
+/// TC 0 and LS to node 11 (Thruster manual §2.1, §4.1).
+const STOP: &str = "30B#5443000000000000";
+const END: &str = "30B#4C53000000000000";
+
+fn ask_state(rig: &mut Rig) {
+    rig.ask(Request::ReadState(requests::ReadState { axis: 0 })).unwrap();
+}
+
+type Asks = fn(&mut Rig);
+/// All that sends an idle axis's motor something.
+const ASKS: [(&str, Asks); 6] = [
+    ("its state", ask_state),
+    ("its timeout", |rig| {
+        provision(rig, 300).unwrap();
+    }),
+    ("a native read", |rig| {
+        let request = native(rig, 0, "5156000000000000");
+        rig.ask(request).unwrap();
+    }),
+    ("a native change", |rig| {
+        let request = native(rig, 0, "535400000000012C");
+        rig.ask(request).unwrap();
+    }),
+    ("arming", |rig| {
+        bench::arm(rig);
+    }),
+    ("a subscription", |rig| {
+        let fields = StateFields::of(&[StateField::Velocity]);
+        let request = requests::Subscribe { axes: 1, fields, period_us: 20_000 };
+        rig.ask(Request::Subscribe(request)).unwrap();
+        run_with_host(rig, 100_000);
+    }),
+];
+
+#[test]
+fn whatever_a_thruster_that_is_new_is_asked_it_hears_its_stop_before() {
+    for position_device in [false, true] {
+        for (what, ask) in ASKS {
+            let (mut rig, _) = bench::thruster();
+            let device = Value::Bool(position_device);
+            parameter(&mut rig, 0, AxisParameter::PositionDevice, device);
+            assert_eq!(rig.sent_since(0, 0), Vec::<&str>::new(), "{what}");
+            ask(&mut rig);
+            let sent = rig.sent_since(0, 0);
+            let stops = if position_device { &[STOP, END][..] } else { &[STOP] };
+            assert!(sent.len() > stops.len() && sent.starts_with(stops), "{what}: {sent:?}");
+            // Once.
+            let since = rig.now_us;
+            ask_state(&mut rig);
+            let again = rig.sent_since(0, since);
+            assert!(!again.is_empty() && !again.contains(&STOP), "{what}: {again:?}");
+        }
+    }
+}
+
+#[test]
+fn another_motor_on_the_axis_hears_its_stop_too() {
+    let (mut rig, _) = bench::thruster();
+    ask_state(&mut rig);
+    parameter(&mut rig, 0, AxisParameter::Node, Value::Unsigned(0x0C));
+    parameter(&mut rig, 0, AxisParameter::Node, Value::Unsigned(0x0B));
+    let since = rig.now_us;
+    ask_state(&mut rig);
+    assert_eq!(rig.sent_since(0, since).first(), Some(&STOP));
+    // What changes nothing of how it is reached leaves it the same motor.
+    parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(50.0));
+    let since = rig.now_us;
+    ask_state(&mut rig);
+    assert!(!rig.sent_since(0, since).contains(&STOP));
+}
+
+#[test]
+fn who_asks_a_new_thruster_that_does_not_answer_is_told_so() {
+    let (mut rig, play) = bench::thruster();
+    play.borrow_mut().mute = true;
+    let result = rig.ask(Request::ReadState(requests::ReadState { axis: 0 }));
+    assert_eq!(result, Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }));
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+}
