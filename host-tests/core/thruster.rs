@@ -118,7 +118,7 @@ fn a_refusal_is_told_with_the_fault_word_that_is_read_behind_it() {
         rig.ask(Request::ClearUnreachable(unreachable)).unwrap();
         bench::clear(&mut rig).unwrap();
         let sent = rig.sent_since(0, since);
-        assert!(sent.iter().any(|text| *text == "30B#43460000"), "{sent:?}");
+        assert!(sent.contains(&"30B#43460000"), "{sent:?}");
         assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
     }
 }
