@@ -99,20 +99,22 @@ fn an_rmd_of_older_dialects() {
 #[test]
 fn a_thruster() {
     let motors = [(0, Thruster, 11, 0)];
-    sends(&motors, "motor 0:thruster:11@1000000 id 12", &["30B#434900000000000C"]);
-    sends(&motors, "motor 0:thruster:11@1000000 bitrate 500000", &["30B#43420000000001F4"]);
-    sends(&motors, "motor 0:thruster:11@1000000 timeout 500", &["30B#53540000000001F4"]);
+    // One that is new to its axis hears its stop first.
+    let off = "30B#5443000000000000";
+    sends(&motors, "motor 0:thruster:11@1000000 id 12", &[off, "30B#434900000000000C"]);
+    sends(&motors, "motor 0:thruster:11@1000000 bitrate 500000", &[off, "30B#43420000000001F4"]);
+    sends(&motors, "motor 0:thruster:11@1000000 timeout 500", &[off, "30B#53540000000001F4"]);
     sends(
         &motors,
         "motor 0:thruster:11@1000000 limits reverse_limit_deg=-90 forward_limit_deg=45.5",
-        &["30B#53504C41FC7C01C7"],
+        &[off, "30B#53504C41FC7C01C7"],
     );
-    sends(&motors, "motor 0:thruster:11@1000000 zero here", &["30B#415A000000000000"]);
-    sends(&motors, "motor 0:thruster:11@1000000 clear-faults", &["30B#43460000"]);
-    sends(&motors, "motor 0:thruster:11@1000000 returns 0 7", &["30B#564D000000000007"]);
-    sends(&motors, "motor 0:thruster:11@1000000 stream 3 100", &["30B#5352000000030064"]);
-    sends(&motors, "motor 0:thruster:11@1000000 reports medium", &["30B#4D4D0000"]);
-    sends(&motors, "motor 0:thruster:11@1000000 reports off", &["30B#4D510000"]);
+    sends(&motors, "motor 0:thruster:11@1000000 zero here", &[off, "30B#415A000000000000"]);
+    sends(&motors, "motor 0:thruster:11@1000000 clear-faults", &[off, "30B#43460000"]);
+    sends(&motors, "motor 0:thruster:11@1000000 returns 0 7", &[off, "30B#564D000000000007"]);
+    sends(&motors, "motor 0:thruster:11@1000000 stream 3 100", &[off, "30B#5352000000030064"]);
+    sends(&motors, "motor 0:thruster:11@1000000 reports medium", &[off, "30B#4D4D0000"]);
+    sends(&motors, "motor 0:thruster:11@1000000 reports off", &[off, "30B#4D510000"]);
 }
 
 #[test]
