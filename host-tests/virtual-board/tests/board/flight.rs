@@ -83,10 +83,18 @@ fn found_again(lab: &mut Lab) -> (u8, TripReason) {
     let (axis, recorded) = replayed.recorded.expect("a trip");
     let (from, to) = replayed.span_us;
     assert!(from < recorded.time_us && recorded.time_us < to, "{replayed:?}");
-    let told = lab.report(axis).trip.map(|trip| (trip.reason, trip.time_us));
-    assert_eq!(told, Some((recorded.reason, recorded.time_us)));
+    let told = lab.report(axis).trip.map(|trip| (without_word(trip.reason), trip.time_us));
+    assert_eq!(told, Some((without_word(recorded.reason), recorded.time_us)));
     replayed_on_image(&file);
     (axis, recorded.reason)
+}
+
+/// The fault word of a motor that has refused a command may have been read since.
+fn without_word(reason: TripReason) -> TripReason {
+    match reason {
+        TripReason::CommandRefused { .. } => TripReason::CommandRefused { faults: None },
+        other => other,
+    }
 }
 
 fn inject(axis: u8, injection: Injection) -> impl FnOnce(&mut Lab) {
