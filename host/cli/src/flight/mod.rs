@@ -50,9 +50,14 @@ impl Replayed {
     }
 }
 
-/// What a trip is, without what its stop has made of it since.
+/// What a trip is, without what its stop has made of it since: the fault word of a motor that has
+/// refused a command is read behind it.
 fn told(trip: Trip) -> (TripReason, u64) {
-    (trip.reason, trip.time_us)
+    let reason = match trip.reason {
+        TripReason::CommandRefused { .. } => TripReason::CommandRefused { faults: None },
+        reason => reason,
+    };
+    (reason, trip.time_us)
 }
 
 /// The board of a recording, for ever.
