@@ -78,7 +78,8 @@ fn a_stop_takes_the_place_of_letting_go() {
     rig.run(100);
     bench::stop(&mut rig);
     rig.run(100);
-    assert_eq!(rig.answer(asked), Some(Err(Error::Busy { axis: 0 })));
+    let stopped = Error::Aborted { axis: 0, state: AxisState::Stopping };
+    assert_eq!(rig.answer(asked), Some(Err(stopped)));
     assert_eq!(rig.held_texts(), [HOLD]);
     let since = rig.now_us;
     rig.mend();

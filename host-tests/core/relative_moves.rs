@@ -150,7 +150,8 @@ fn a_stop_while_the_position_is_read_ends_the_move() {
     let sequence = rig.send(&request);
     bench::stop(&mut rig);
     run_with_host(&mut rig, 100_000);
-    assert!(matches!(rig.answer(sequence), Some(Err(Error::Busy { .. }))));
+    let stopped = Error::Aborted { axis: 0, state: AxisState::Stopping };
+    assert_eq!(rig.answer(sequence), Some(Err(stopped)));
     assert_eq!(sent(&rig, since), 0);
 }
 

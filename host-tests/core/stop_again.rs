@@ -64,7 +64,8 @@ fn an_e_stop_while_clearing_is_sent_and_ends_the_clearing() {
     let since = rig.now_us;
     e_stop(&mut rig);
     run_with_host(&mut rig, 100_000);
-    assert_eq!(rig.answer(clearing), Some(Err(Error::Busy { axis: 0 })));
+    let stopped = Error::Aborted { axis: 0, state: AxisState::Tripped { confirmed: true } };
+    assert_eq!(rig.answer(clearing), Some(Err(stopped)));
     assert_eq!(rig.sent_since(0, since).first(), Some(&HOLD));
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
 }

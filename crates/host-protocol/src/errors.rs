@@ -261,9 +261,9 @@ errors! {
     35 Refused { axis: u8, faults: Option<u16> }
         "the motor of axis {axis} refused the command, {}; remove the fault or the limit first",
         Faults(faults);
-    /// Arming was interrupted by a stop, a disarm or a trip.
-    36 ArmingAborted { axis: u8, state: AxisState }
-        "arming was interrupted and axis {axis} is {state}; see why, then arm again";
+    /// A stop or a disarm came between, or one of several that were to be armed had tripped.
+    36 Aborted { axis: u8, state: AxisState }
+        "axis {axis} was stopped meanwhile and is {state}; see why, then ask again";
     /// A position setpoint with speed limit 0, which some motors take as no limit.
     37 SpeedLimitZero { axis: u8 }
         "a position setpoint for axis {axis} needs a speed limit above 0; some motors take 0 as no \

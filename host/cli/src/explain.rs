@@ -139,7 +139,6 @@ impl Page {
             Error::BusOverloaded { .. } => Self::BusOverloaded,
             Error::CannotConfirm { .. }
             | Error::NoRandomNumber {}
-            | Error::ArmingAborted { .. }
             | Error::CannotStartTogether { .. } => Self::DoesNotArm,
             Error::MotorTimeoutUnknown { .. } | Error::MotorTimeoutOff { .. } => Self::MotorTimeout,
             Error::NotStandstill { .. } => Self::MotorTurns,
@@ -148,6 +147,7 @@ impl Page {
             | Error::NotIdle { .. }
             | Error::NotHolding { .. }
             | Error::Busy { .. }
+            | Error::Aborted { .. }
             | Error::BusInUse { .. }
             | Error::NothingToClear { .. }
             | Error::Superseded { .. }

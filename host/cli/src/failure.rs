@@ -301,7 +301,7 @@ pub fn data(error: &Error) -> Value {
         }
         Error::NotArmed { axis, state }
         | Error::NotIdle { axis, state }
-        | Error::ArmingAborted { axis, state } => json::axis::in_state(*axis, *state),
+        | Error::Aborted { axis, state } => json::axis::in_state(*axis, *state),
         Error::NotInCommand { holder } => json!({ "holder": holder }),
         _ => Value::Null,
     }

@@ -394,8 +394,13 @@ impl Axis {
     /// Ends a clearing, for a stop that a host has asked for since.
     pub(super) fn give_up_clearing(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if matches!(self.job_kind(), Some(JobKind::Clear | JobKind::Restart(_))) {
-            self.fail(now, Error::Busy { axis: self.index }, out);
+            self.fail(now, self.aborted(), out);
         }
+    }
+
+    /// What is told of a job that a stop has ended.
+    pub(super) fn aborted(&self) -> Error {
+        Error::Aborted { axis: self.index, state: self.state() }
     }
 
     /// Ends the job with an error. An arming that fails leaves the axis at rest, as it has only

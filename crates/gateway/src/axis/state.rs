@@ -360,7 +360,7 @@ impl Axis {
     /// Stops and disarms on request: from any state in which the motor may move, and from rest,
     /// where a stop does no harm.
     pub fn halt(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        let aborted = match self.state {
+        match self.state {
             State::Unconfigured => return,
             State::Stopping(_) => return self.stop_again(now),
             State::Tripped(..) => {
@@ -368,14 +368,13 @@ impl Axis {
                 self.give_up_clearing(now, out);
                 return self.stop_again(now);
             }
-            State::Arming => Error::ArmingAborted { axis: self.index, state: AxisState::Stopping },
-            _ => Error::Busy { axis: self.index },
-        };
+            _ => {}
+        }
         let before = self.state();
         let from_rest = self.is_idle_or_holding();
         let stop = self.new_stop(now, from_rest);
         self.go_to(State::Stopping(stop));
-        self.interrupt(now, aborted, out);
+        self.interrupt(now, self.aborted(), out);
         self.tell_state(before, out);
     }
 

@@ -80,7 +80,7 @@ impl Gateway {
         if let Some((axis, state)) = out {
             self.arming = None;
             // One that was refused has said why, and this comes too late.
-            self.outbox(now).answer(ticket, Err(Error::ArmingAborted { axis, state }));
+            self.outbox(now).answer(ticket, Err(Error::Aborted { axis, state }));
             self.each_axis(now, axes, |axis, out| {
                 if axis.is_arming_in(epoch) || axis.is_armed_in(epoch) {
                     axis.disarm(now, out);
