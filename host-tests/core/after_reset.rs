@@ -159,7 +159,7 @@ fn an_epoch_from_before_is_none_of_a_later_arming() {
     clear(&mut rig, 0).unwrap();
     let current = arm_axis(&mut rig, 0);
     let setpoint = bench::setpoint(&rig, epoch, 50_000, VELOCITY);
-    assert_eq!(rig.ask(setpoint), Err(Error::StaleEpoch { current: Some(current) }));
+    assert_eq!(rig.ask(setpoint), Err(Error::StaleEpoch { axis: 0, current }));
 }
 
 #[test]

@@ -186,7 +186,7 @@ fn what_is_refused_of_a_cycle_keeps_nothing_else_from_it() {
     let setpoints = [VELOCITY, fast, VELOCITY];
     let request = cycle_of(&rig, epoch, 0b111, &setpoints, LIVES_US);
     let not_a_number = Error::NotANumber { quantity: host_protocol::Quantity::Velocity }.number();
-    let stale = Error::StaleEpoch { current: None }.number();
+    let stale = Error::StaleEpoch { axis: 2, current: other }.number();
     let [a, b, c] = results(rig.ask(request)).try_into().unwrap();
     assert_eq!([a, b, c], [CycleResult::Answered, refused(not_a_number), refused(stale)]);
     let states = [0, 1, 2].map(|axis| listed(&mut rig, axis));

@@ -68,7 +68,10 @@ fn what_cannot_be_done_is_refused_before_the_position_is_read() {
         let request = relative(rig, epoch, distance, speed);
         rig.ask(request).unwrap_err()
     };
-    assert_eq!(refused(&mut rig, epoch - 1, 0.25, 2.0), Error::StaleEpoch { current: Some(epoch) });
+    assert_eq!(
+        refused(&mut rig, epoch - 1, 0.25, 2.0),
+        Error::StaleEpoch { axis: 0, current: epoch }
+    );
     assert_eq!(
         refused(&mut rig, epoch, f32::NAN, 2.0),
         Error::NotANumber { quantity: Quantity::Position }

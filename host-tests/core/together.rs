@@ -197,7 +197,7 @@ fn what_bars_a_start_is_named_and_nothing_is_sent() {
         (&[][..], barred(0, TogetherBar::TooFew)),
         (&[first], barred(0, TogetherBar::TooFew)),
         (&[first, first], barred(0, TogetherBar::Twice)),
-        (&[first, (1, second.1 + 1, 1.0)], Error::StaleEpoch { current: Some(second.1) }),
+        (&[first, (1, second.1 + 1, 1.0)], Error::StaleEpoch { axis: 1, current: second.1 }),
         (&[first, (2, 0, 1.0)], Error::NotArmed { axis: 2, state: AxisState::Idle }),
         (
             &[first, fast],

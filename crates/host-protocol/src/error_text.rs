@@ -144,18 +144,6 @@ impl fmt::Display for KindOf {
     }
 }
 
-/// What to do about an epoch that is over, where this one is current.
-pub struct NextEpoch(pub Option<u32>);
-
-impl fmt::Display for NextEpoch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Some(current) => write!(f, "use {current}, which arming returned last"),
-            None => f.write_str("arm the axis again"),
-        }
-    }
-}
-
 /// A list of bitrates, 0 behind the last one.
 pub struct Offered(pub [u32; MAX_BITRATES]);
 

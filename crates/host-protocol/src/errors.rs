@@ -8,8 +8,8 @@ use crate::bus::{BusKind, MAX_BITRATES};
 use crate::can_id::CanId;
 use crate::encode::{EncodeError, write_message};
 use crate::error_text::{
-    AsDialects, Bounds, DialectCommand, DialectName, Faults, KindOf, NextEpoch, OTHER_VERSION,
-    Offered, RequestName, abilities, next_step, together_bar, way_to_idle,
+    AsDialects, Bounds, DialectCommand, DialectName, Faults, KindOf, OTHER_VERSION, Offered,
+    RequestName, abilities, next_step, together_bar, way_to_idle,
 };
 use crate::field_doc::field_doc;
 use crate::frame::Kind;
@@ -195,8 +195,9 @@ errors! {
         "the setpoint expires at {expires_at_us} µs and it is {now_us} µs; send one that expires \
         later, within the axis's TTL";
     /// The setpoint belongs to an epoch that is over.
-    15 StaleEpoch { current: Option<u32> }
-        "the setpoint belongs to an epoch that is over; {}", NextEpoch(current);
+    15 StaleEpoch { axis: u8, current: u32 }
+        "the setpoint for axis {axis} belongs to an epoch that is over; use {current}, which \
+        arming returned last";
     /// The axis is carrying out another request.
     16 Busy { axis: u8 }
         "axis {axis} is carrying out another request; send this one after its reply";

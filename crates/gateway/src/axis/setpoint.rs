@@ -169,7 +169,7 @@ impl Axis {
             });
         };
         if epoch != armed.epoch {
-            return Err(Error::StaleEpoch { current: Some(armed.epoch) });
+            return Err(Error::StaleEpoch { axis, current: armed.epoch });
         }
         self.expiry(now, expires_at_us)
     }

@@ -62,7 +62,7 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
         let duration = arguments.seconds.unwrap_or(Duration::MAX);
         let held =
             session.client.hold_setpoints(&holds, duration, |client| periods.turn(client, armed));
-        periods.failure.take().map_or_else(|| end_of_hold(held, armed), Err)
+        periods.failure.take().map_or_else(|| end_of_hold(held), Err)
     });
     ended.and(periods.tell_end(session))
 }

@@ -88,19 +88,15 @@ pub fn round(looked: Result<Option<Failure>, Failure>, failure: &mut Option<Fail
 
 /// How a hold of axes ended. An interrupt ends it as its time does, and a command refused because
 /// an axis was stopped says less than that.
-pub fn end_of_hold(held: Result<(), ClientError>, axes: &[ArmedAxis]) -> Result<(), Failure> {
+pub fn end_of_hold(held: Result<(), ClientError>) -> Result<(), Failure> {
     match held {
         Ok(()) | Err(ClientError::Interrupted { .. }) => Ok(()),
         Err(ClientError::Gateway(Error::NotArmed { axis, state })) => {
             Err(Failure::StoppedElsewhere { axis, state })
         }
-        Err(error @ ClientError::Gateway(Error::StaleEpoch { .. })) => match *axes {
-            [ArmedAxis { axis, .. }] => {
-                Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed })
-            }
-            // Of several it does not say which.
-            _ => Err(error.into()),
-        },
+        Err(ClientError::Gateway(Error::StaleEpoch { axis, .. })) => {
+            Err(Failure::StoppedElsewhere { axis, state: AxisState::Armed })
+        }
         Err(error) => Err(error.into()),
     }
 }
@@ -186,7 +182,7 @@ impl Rounds {
 
     /// The end of the hold.
     pub fn end(self, held: Result<(), ClientError>) -> Result<(), Failure> {
-        self.failure.map_or_else(|| end_of_hold(held, &self.axes), Err)
+        self.failure.map_or_else(|| end_of_hold(held), Err)
     }
 
     /// Prints the states from time to time; returns why an axis is no longer armed, if one is not.

@@ -111,7 +111,7 @@ fn a_native_motion_is_renewed_well_within_its_time_to_live() {
 fn a_refused_native_motion_ends_its_hold() {
     let line = Scripted::new(|heard| match heard.request {
         Request::Native(_) => {
-            let error = Error::StaleEpoch { current: Some(8) };
+            let error = Error::StaleEpoch { axis: 0, current: 8 };
             vec![(2 * LATENCY, error_bytes(heard.sequence, &error))]
         }
         _ => healthy(heard),
@@ -119,7 +119,7 @@ fn a_refused_native_motion_ends_its_hold() {
     let mut client = Client::connect_as(line.clone(), 1, 0).unwrap();
     let hold = NativeHold { axis: 0, epoch: 7, data: data(&CURRENT), ttl: TTL };
     let held = client.hold_native(&hold, Duration::from_secs(1), |_| Ok(ControlFlow::Continue(())));
-    assert!(matches!(held, Err(ClientError::Gateway(Error::StaleEpoch { current: Some(8) }))));
+    assert!(matches!(held, Err(ClientError::Gateway(Error::StaleEpoch { axis: 0, current: 8 }))));
     let sent = line.sent_after_opening().len();
     assert!(sent <= 4, "the command, and a ping now and then: {sent}");
 }
