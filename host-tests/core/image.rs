@@ -3,10 +3,10 @@
 
 use crate::bench;
 use crate::rig::{Instead, Rig};
-use gateway::{Duration, Event, FoundImage, ImageJob, Images, Instant, Save, SaveError};
+use gateway::{Duration, Event, FoundImage, Gateway, ImageJob, Images, Instant, Save, SaveError};
 use host_protocol::{
-    AxisState, BusMode, Bytes, ClearTarget, Error, FirmwareVersion, ImageState, Protocol,
-    ProtocolSet, Reply, Request, StopTarget, Text, replies, requests,
+    AxisState, BusMode, Bytes, ClearTarget, Error, FirmwareVersion, ImageState, MAX_FRAME,
+    Protocol, ProtocolSet, Reply, Request, StopTarget, Text, replies, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -248,6 +248,9 @@ fn the_bootloader_of_the_chip_takes_no_board_that_takes_signed_images_or_exchang
     bench::arm(&mut at_rest);
     assert!(!at_rest.gateway.may_detach(), "armed");
     assert!(!rig(FoundImage::OnTrial).gateway.may_detach());
+    let mut latched = rig(FoundImage::Kept);
+    bench::e_stop(&mut latched);
+    assert!(!latched.gateway.may_detach(), "another image may not know that");
     assert!(!finished().gateway.may_detach());
     let mut signed = rig(FoundImage::Kept);
     let (now, found) = (signed.now(), FoundImage::Kept);
@@ -317,6 +320,38 @@ fn a_trial_ends_after_60_s_and_not_while_its_confirmation_is_being_stored() {
     assert!(!restarts(&mut rig, end), "its flash is being written");
     let failed = Event::Saved { result: Err(SaveError::Failed) };
     assert!(rig.gateway.handle(end, failed, &mut |_, _| {}).restart, "it was not confirmed");
+}
+
+#[test]
+fn a_trial_does_not_end_while_something_is_stopped_or_latched() {
+    let mut rig = rig(FoundImage::OnTrial);
+    rig.run(1_000);
+    let end = rig.now() + Duration::from_millis(61_000);
+    let ends = |gateway: &Gateway| {
+        let mut gateway = gateway.clone();
+        // The host has been silent until then.
+        gateway.handle(just_before(end), Event::Tick, &mut |_, _| {});
+        gateway.handle(end, Event::Tick, &mut |_, _| {}).restart
+    };
+    assert!(ends(&rig.gateway));
+    // In the same instant, before a frame of it has left.
+    let mut frame = [0; MAX_FRAME];
+    let stop: Request = requests::Stop { target: StopTarget::All }.into();
+    let length = stop.encode_frame(1, &mut frame).unwrap();
+    let asked = Event::HostBytes { link: 0, bytes: &frame[..length] };
+    assert!(!rig.gateway.clone().handle(end, asked, &mut |_, _| {}).restart);
+
+    bench::e_stop(&mut rig);
+    bench::run_with_host(&mut rig, 500_000);
+    assert!(!ends(&rig.gateway), "latched");
+    rig.ask(requests::Clear { target: ClearTarget::Gateway }.into()).unwrap();
+    assert!(ends(&rig.gateway));
+
+    rig.instead(|_| Instead::Nothing);
+    bench::stop(&mut rig);
+    bench::run_with_host(&mut rig, 2_000_000);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+    assert!(!ends(&rig.gateway), "its motor may be turning");
 }
 
 fn just_before(at: Instant) -> Instant {

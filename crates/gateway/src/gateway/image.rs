@@ -3,6 +3,7 @@
 
 use super::Gateway;
 use super::requests::Result;
+use crate::axis::Is;
 use crate::outbox::Ticket;
 use crate::port::{FoundImage, ImageJob, Images, Save, SaveError};
 use crate::time::{Duration, Instant};
@@ -54,18 +55,30 @@ impl Gateway {
         self.image.trial_ends = (images.found == FoundImage::OnTrial).then_some(now + TRIAL);
     }
 
-    /// Whether the chip's own bootloader, which takes any image, may take the board: all is at rest,
-    /// it takes unsigned images anyway, and no exchange of images is under way.
+    /// Whether the chip's own bootloader, which takes any image, may take the board: all is quiet,
+    /// it takes unsigned images anyway, and nothing is being stored or exchanged.
     pub fn may_detach(&self) -> bool {
-        !self.image.images.needs_signature && self.image.deadline().is_none() && self.all_at_rest()
+        let is_exchanged = self.image.deadline().is_some();
+        let waits = is_exchanged || self.image.images.needs_signature || self.stored.is_saving();
+        !waits && self.unstopped.is_empty() && self.check_quiet().is_ok()
     }
 
     /// When the gateway is to start anew; `None` also while what is being stored keeps it from
-    /// that, and the start of another image while [not all is quiet](Self::check_quiet).
+    /// that, and while not all is quiet: as for the [start of another
+    /// image](Self::check_quiet), or [for that of the one before](Self::is_stopped).
     pub(crate) fn restart_at(&self) -> Option<Instant> {
         let at = self.image.deadline()?;
-        let may = self.image.restarts.is_none() || self.check_quiet().is_ok();
+        let may = match self.image.restarts {
+            Some(_) => self.check_quiet().is_ok(),
+            None => self.is_stopped(),
+        };
         (may && !self.stored.is_saving()).then_some(at)
+    }
+
+    /// Whether nothing is being stopped or remembered as stopped. A motor that holds must not keep
+    /// an image on trial for ever: after each start those hold whose stop does.
+    fn is_stopped(&self) -> bool {
+        !self.e_stopped && self.unstopped.is_empty() && self.axes.which(Is::Moving).is_empty()
     }
 
     /// While images are exchanged nobody watches a motor, and the next one may not know the words
