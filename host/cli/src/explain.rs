@@ -251,28 +251,16 @@ impl Page {
             },
             Failure::Differs { .. } => Self::ConfigurationDiffers,
             Failure::Refused { .. } => Self::ValueRefused,
-            Failure::DoesNotHold { .. } => Self::BusOverloaded,
-            Failure::Motor { name, .. } => match *name {
-                "NotFound" | "OtherBitrate" => Self::ScanFindsNothing,
-                "TwoMotors" => Self::DoubledId,
-                "Turns" => Self::MotorTurns,
-                "DialectContradicted" => Self::Dialect,
-                _ => Self::MotorSetting,
-            },
-            Failure::Update { .. } => Self::FirmwareUpdate,
-            Failure::FlightRecord { .. } => Self::FlightRecorder,
+            Failure::Named { page, .. } => return *page,
             Failure::Tripped { reason, .. } => Self::of_trip(reason),
             Failure::StoppedElsewhere { .. } => Self::NotInCommand,
             Failure::NotArrived { .. } => Self::NotArrived,
             Failure::StopNotConfirmed { .. } | Failure::StopTaken { .. } => Self::StopNotConfirmed,
             Failure::Usage(_)
-            | Failure::NotMeasured { .. }
             | Failure::File { .. }
             | Failure::Terminal(_)
             | Failure::Unwritten { .. }
-            | Failure::NotReplayed { .. }
             | Failure::Undecoded { .. }
-            | Failure::Demonstration(_)
             | Failure::Unwell { .. }
             | Failure::Output(_)
             | Failure::CutShort => return None,

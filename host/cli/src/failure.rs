@@ -47,22 +47,12 @@ pub enum Failure {
         range: Option<(f64, f64)>,
         message: String,
     },
-    /// What was planned cannot be.
-    DoesNotHold { text: String },
-    /// A measurement could not go on.
-    NotMeasured { text: String },
-    /// Another firmware does not run.
-    Update { name: &'static str, text: String },
-    /// A setting of a motor was not changed, or the motor does not show that it was.
-    Motor { name: &'static str, text: String },
+    /// What else did not succeed, by its own name, and the page that says more.
+    Named { name: &'static str, page: Option<Page>, text: String },
     /// A file could not be read.
     File { path: String, source: io::Error },
     /// The gateway is out of reach while axes are armed.
     Lost { axes: Vec<u8>, cause: ClientError },
-    /// What a flight recorder has kept cannot be played, or did not end as recorded.
-    NotReplayed { path: String, why: String },
-    /// A flight recorder has not kept what was asked for, or it cannot be played.
-    FlightRecord { text: String },
     /// Captured frames that have no meaning.
     Undecoded { failed: u64, total: u64 },
     /// An axis tripped while it was to be held.
@@ -75,8 +65,6 @@ pub enum Failure {
     StopNotConfirmed { axis: u8 },
     /// The gateway took the stop, and could not be asked what came of it.
     StopTaken { cause: String },
-    /// The demonstration did not end as it must.
-    Demonstration(String),
     /// The server of the simulation could not start or go on.
     Server { address: String, source: io::Error },
     /// The terminal cannot be used.
@@ -97,7 +85,7 @@ impl Failure {
         match self {
             Self::Explained { error, .. } => error.name(),
             Self::Client(error) | Self::Lost { cause: error, .. } => client_name(error),
-            Self::Port { name, .. } => name,
+            Self::Port { name, .. } | Self::Named { name, .. } => name,
             Self::Usage(_) | Self::NoGateway { .. } => "Usage",
             Self::Configuration { findings, .. } => match findings.as_slice() {
                 [one] => one.name,
@@ -105,18 +93,12 @@ impl Failure {
             },
             Self::Differs { .. } => "Differs",
             Self::Refused { name, .. } => name,
-            Self::DoesNotHold { .. } => "DoesNotHold",
-            Self::NotMeasured { .. } => "NotMeasured",
-            Self::Update { name, .. } | Self::Motor { name, .. } => name,
             Self::File { .. } => "File",
-            Self::NotReplayed { .. } => "NotReplayed",
-            Self::FlightRecord { .. } => "FlightRecord",
             Self::Undecoded { .. } => "Undecoded",
             Self::Tripped { .. } => "Tripped",
             Self::StoppedElsewhere { .. } => "StoppedElsewhere",
             Self::NotArrived { .. } => "NotArrived",
             Self::StopNotConfirmed { .. } | Self::StopTaken { .. } => "StopNotConfirmed",
-            Self::Demonstration(_) => "Demonstration",
             Self::Server { .. } => "Server",
             Self::Terminal(_) => "Terminal",
             Self::Unwritten { .. } => "Unwritten",
@@ -124,6 +106,20 @@ impl Failure {
             Self::Output(_) => "Output",
             Self::CutShort => "CutShort",
         }
+    }
+
+    /// What did not succeed, by a name of its own.
+    pub fn named(
+        name: &'static str,
+        page: impl Into<Option<Page>>,
+        text: impl Into<String>,
+    ) -> Self {
+        Self::Named { name, page: page.into(), text: text.into() }
+    }
+
+    /// A measurement, or a picture of one, could not go on.
+    pub fn not_measured(text: impl Into<String>) -> Self {
+        Self::named("NotMeasured", None, text)
     }
 
     /// Of axes that were armed, and what became of the connection to the gateway.
@@ -338,11 +334,7 @@ impl fmt::Display for Failure {
                 )
             }
             Self::Usage(text)
-            | Self::Demonstration(text)
-            | Self::DoesNotHold { text }
-            | Self::NotMeasured { text }
-            | Self::Update { text, .. }
-            | Self::Motor { text, .. }
+            | Self::Named { text, .. }
             | Self::Explained { text, .. }
             | Self::Port { text, .. }
             | Self::NoGateway { text }
@@ -377,8 +369,6 @@ impl fmt::Display for Failure {
                 write!(f, "cannot read {path} ({source}). Check the path")
             }
             Self::Terminal(error) => write!(f, "the terminal: {error}"),
-            Self::NotReplayed { path, why } => write!(f, "{path}: {why}"),
-            Self::FlightRecord { text } => f.write_str(text),
             Self::Undecoded { failed, total } => {
                 write!(f, "{failed} of {total} lines are no frame that could be decoded")
             }

@@ -4,16 +4,14 @@ use plotters::prelude::*;
 
 use super::Cycles;
 use crate::failure::Failure;
-use crate::record::has_font;
+use crate::record::{has_font, not_drawn};
 
 const SIZE: (u32, u32) = (720, 440);
 
 /// Rates over the number of axes, measured and planned, as SVG.
 pub fn svg(cycles: &[Cycles]) -> Result<String, Failure> {
     let mut text = String::new();
-    draw(cycles, &mut text).map_err(|error| Failure::NotMeasured {
-        text: format!("the picture cannot be drawn ({error})"),
-    })?;
+    draw(cycles, &mut text).map_err(|error| not_drawn(&*error))?;
     Ok(text)
 }
 

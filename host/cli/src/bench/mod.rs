@@ -103,7 +103,7 @@ fn axes(session: &mut Session, arguments: &BenchArgs) -> Result<Vec<u8>, Failure
     }
     commands::refuse_twice(&axes)?;
     match axes.len() {
-        0 => Err(Failure::NotMeasured { text: "no axis is configured".to_owned() }),
+        0 => Err(Failure::not_measured("no axis is configured")),
         count if count > MAX_CYCLE_AXES => Err(Failure::Usage(format!(
             "one cycle has at most {MAX_CYCLE_AXES} axes, and these are {count}; name those to \
              measure"
@@ -193,7 +193,7 @@ impl<'a> Bench<'a> {
                         CycleResult::NoReply => unanswered += 1,
                         result => {
                             let text = format!("axis {}: {result}", state.axis);
-                            return Err(Failure::NotMeasured { text });
+                            return Err(Failure::not_measured(text));
                         }
                     }
                 }

@@ -8,6 +8,7 @@ use mgw_sim::RecordingFile;
 use serde_json::json;
 
 use crate::args::ShowTripArgs;
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::faults::Protocols;
 use crate::flight::{Told, is_same_trip};
@@ -116,7 +117,7 @@ impl Kept {
 }
 
 fn failure(text: String) -> Failure {
-    Failure::FlightRecord { text }
+    Failure::named("FlightRecord", Page::FlightRecorder, text)
 }
 
 /// The trips among the incidents, the latest first.

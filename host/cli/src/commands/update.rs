@@ -10,6 +10,7 @@ use mgw_client::{Client, ClientError, Transport};
 use serde_json::json;
 
 use crate::args::UpdateArgs;
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::image_file::{ImageFile, read_file};
 use crate::session::Session;
@@ -64,14 +65,19 @@ struct Update {
     is_taken: bool,
 }
 
+/// Another firmware does not run, by a name for programs.
+fn failed(name: &'static str, text: impl Into<String>) -> Failure {
+    Failure::named(name, Page::FirmwareUpdate, text)
+}
+
 fn rolled_back(runs: &ImageReport) -> Failure {
-    Failure::Update {
-        name: "RolledBack",
-        text: format!(
+    failed(
+        "RolledBack",
+        format!(
             "the new firmware was not confirmed in its time, or did not come up: version {} runs again",
             runs.version
         ),
-    }
+    )
 }
 
 /// What the gateway would refuse, before anything is sent.
@@ -323,30 +329,27 @@ fn start_anew(session: &mut Session, signature: &[u8]) -> Result<bool, Failure> 
             }
             Err(error @ ClientError::Interrupted { .. }) => return Err(unconfirmed(&error)),
             Err(error @ ClientError::Incompatible { .. }) => {
-                return Err(Failure::Update {
-                    name: "Incompatible",
-                    text: format!(
+                return Err(failed(
+                    "Incompatible",
+                    format!(
                         "{error}. So the new firmware is not kept, and the one before runs again \
                             within 60 s"
                     ),
-                });
+                ));
             }
             Err(error) => Some(error),
         };
         if client.now() >= end {
             return Err(match cause.or(refused) {
                 Some(error) if is_taken => unconfirmed(&error),
-                Some(error) => Failure::Update {
-                    name: "NotUpdated",
-                    text: format!(
-                        "{error}. Whether the gateway took the image is not known: {TO_KEEP}"
-                    ),
-                },
-                None => Failure::Update {
-                    name: "NotRestarted",
-                    text: "the gateway was told to start anew and has not; switch it off and on"
-                        .to_owned(),
-                },
+                Some(error) => failed(
+                    "NotUpdated",
+                    format!("{error}. Whether the gateway took the image is not known: {TO_KEEP}"),
+                ),
+                None => failed(
+                    "NotRestarted",
+                    "the gateway was told to start anew and has not; switch it off and on",
+                ),
             });
         }
     }
@@ -363,7 +366,7 @@ fn wait<T: Transport>(client: &mut Client<T>) -> Result<(), Failure> {
 }
 
 fn unconfirmed(error: &ClientError) -> Failure {
-    Failure::Update { name: "NotConfirmed", text: format!("{error}. As for the update: {TO_KEEP}") }
+    failed("NotConfirmed", format!("{error}. As for the update: {TO_KEEP}"))
 }
 
 /// Keeps the firmware of an update. What stands in the way is tried again as long as the trial
@@ -408,10 +411,10 @@ fn confirm_update(session: &mut Session, update: &Update, asked: &mut bool) -> R
         // Somebody else may have confirmed it.
         ImageState::Kept if is_new && (*asked || before.version != *version) => {}
         _ => {
-            return Err(Failure::Update {
-                name: "NotUpdated",
-                text: format!("version {} runs after the start, and not the new one", runs.version),
-            });
+            return Err(failed(
+                "NotUpdated",
+                format!("version {} runs after the start, and not the new one", runs.version),
+            ));
         }
     }
     tell_confirmed(session, &runs)
@@ -440,13 +443,11 @@ fn check_self_test(session: &mut Session) -> Result<(), Failure> {
     if !status.memory_damaged && status.random_number {
         return Ok(());
     }
-    Err(Failure::Update {
-        name: "SelfTest",
-        text:
-            "the new firmware does not pass its self-test (mgw info), so it is not kept: the one \
-            before runs again within 60 s"
-                .to_owned(),
-    })
+    Err(failed(
+        "SelfTest",
+        "the new firmware does not pass its self-test (mgw info), so it is not kept: the one \
+            before runs again within 60 s",
+    ))
 }
 
 fn tell_confirmed(session: &Session, runs: &ImageReport) -> Result<(), Failure> {

@@ -83,13 +83,11 @@ fn of_file(path: &Path, told: &Told, out: Output) -> Result<Table, Failure> {
     }
     let table = reading.table(told).map_err(wrong)?;
     if table.entries().next().is_none() {
-        return Err(Failure::NotMeasured {
-            text: format!(
-                "{name} has no request with its reply, both received on a bus. `mgw record --frames \
-                 BUS` hears them where something else asks the motors; what this gateway sends \
-                 itself has no time in a recording, and `mgw bench --table` measures that"
-            ),
-        });
+        return Err(Failure::not_measured(format!(
+            "{name} has no request with its reply, both received on a bus. `mgw record --frames \
+             BUS` hears them where something else asks the motors; what this gateway sends itself \
+             has no time in a recording, and `mgw bench --table` measures that"
+        )));
     }
     Ok(table)
 }

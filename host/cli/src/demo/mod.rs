@@ -45,11 +45,15 @@ fn finish(motions: &[Motion], stops: &[silence::Stop], out: Output) -> Result<()
     let counts = json!({ "axes": motions.len(), "stopped": stops.len() - failed.len() });
     out.object(&json::line("demonstration_ended", counts))?;
     if !failed.is_empty() {
-        return Err(Failure::Demonstration(format!(
-            "no confirmed stop of axis {}: this must not happen; the frames above show how far it \
+        return Err(Failure::named(
+            "Demonstration",
+            None,
+            format!(
+                "no confirmed stop of axis {}: this must not happen; the frames above show how far it \
                 came",
-            failed.join(", ")
-        )));
+                failed.join(", ")
+            ),
+        ));
     }
     out.text("")?;
     out.text(format!("All {} axes tripped and stopped without the host.", stops.len()))?;

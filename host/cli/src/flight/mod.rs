@@ -328,7 +328,7 @@ pub fn run(
     out: Output,
 ) -> Result<(), Failure> {
     let path = file.display().to_string();
-    let wrong = |why: String| Failure::NotReplayed { path: path.clone(), why };
+    let wrong = |why: String| Failure::named("NotReplayed", None, format!("{path}: {why}"));
     let bytes = given::begin(file, MAX_FILE + 1)?;
     if bytes.is_empty() {
         return Err(wrong("it is empty: nothing has tripped yet".to_owned()));

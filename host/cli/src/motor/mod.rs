@@ -21,6 +21,7 @@ use mgw_client::ClientError;
 use serde_json::{Map, json};
 
 use crate::config::{self, Configuration};
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::native_request;
 use crate::scan::Found;
@@ -128,8 +129,15 @@ impl Motor {
 }
 
 /// A failure that has a name for programs.
-fn failed(name: &'static str, text: String) -> Failure {
-    Failure::Motor { name, text }
+fn failed(name: &'static str, text: impl Into<String>) -> Failure {
+    let page = match name {
+        "NotFound" | "OtherBitrate" => Page::ScanFindsNothing,
+        "TwoMotors" => Page::DoubledId,
+        "Turns" => Page::MotorTurns,
+        "DialectContradicted" => Page::Dialect,
+        _ => Page::MotorSetting,
+    };
+    Failure::named(name, page, text)
 }
 
 /// A codec refuses what was asked for.

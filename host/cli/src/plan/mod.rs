@@ -15,6 +15,7 @@ use host_protocol::{
 
 use crate::args::{HostLine, PlanArgs};
 use crate::config::{self, BoardPorts, Configuration};
+use crate::explain::Page;
 use crate::failure::Failure;
 use crate::names::Names;
 use crate::output::Output;
@@ -215,7 +216,7 @@ pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
         None => Ok(()),
         Some(wanted) => {
             let text = advice::refusal(&plan, &premises, wanted, &changes);
-            Err(Failure::DoesNotHold { text })
+            Err(Failure::named("DoesNotHold", Page::BusOverloaded, text))
         }
     }
 }

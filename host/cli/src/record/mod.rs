@@ -34,7 +34,7 @@ use file::{Files, Limits};
 pub use encode::{Encoder, Losses, Message};
 pub use item::{Item, What};
 pub use mcap::MAGIC;
-pub use picture::has_font;
+pub use picture::{has_font, not_drawn};
 pub use play::run as play;
 pub use plot::run as plot;
 pub use read::file as each_message;
@@ -178,9 +178,9 @@ impl Recording {
     pub fn finish(self) -> Result<Summary, Failure> {
         // One that has failed takes nothing more.
         let _ = self.tap.queue.send(Put::End);
-        self.writer.join().unwrap_or_else(|_| {
-            Err(Failure::NotMeasured { text: "the thread that records has panicked".to_owned() })
-        })
+        self.writer
+            .join()
+            .unwrap_or_else(|_| Err(Failure::not_measured("the thread that records has panicked")))
     }
 }
 

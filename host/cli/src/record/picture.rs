@@ -11,6 +11,11 @@ use crate::failure::Failure;
 /// Bytes of a pixel: red, green, blue.
 pub const PIXEL: usize = 3;
 
+/// Why a picture could not be drawn.
+pub fn not_drawn(error: &dyn Error) -> Failure {
+    Failure::not_measured(format!("the picture cannot be drawn ({error})"))
+}
+
 /// How a picture is written down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {

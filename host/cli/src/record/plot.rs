@@ -7,7 +7,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use serde_json::{Value, json};
 
-use super::picture::{Format, PIXEL, has_font, png};
+use super::picture::{Format, PIXEL, has_font, not_drawn, png};
 use super::play::each;
 use super::read::Recorded;
 use crate::args::PlotArgs;
@@ -53,17 +53,13 @@ pub fn run(arguments: &PlotArgs, out: Output) -> Result<(), Failure> {
         Ok(())
     })?;
     if picture.curves.is_empty() {
-        return Err(Failure::NotMeasured {
-            text: format!(
-                "there is nothing of {} to draw; `mgw play` shows what there is",
-                names.join(", ")
-            ),
-        });
+        return Err(Failure::not_measured(format!(
+            "there is nothing of {} to draw; `mgw play` shows what there is",
+            names.join(", ")
+        )));
     }
     let charts = picture.curves.len();
-    let drawn = picture.file(&names, format).map_err(|error| Failure::NotMeasured {
-        text: format!("the picture cannot be drawn ({error})"),
-    })?;
+    let drawn = picture.file(&names, format).map_err(|error| not_drawn(&*error))?;
     written::write(&output, drawn, arguments.force)?;
     out.event(
         "drawn",
