@@ -1,9 +1,192 @@
-//! Frames of a motor bus in words, read with the codecs of the gateway.
+//! Frames of the motor buses, read and made with the codecs of the gateway.
 
-use host_protocol::{Protocol, ProtocolSet};
+use codec::EncodeError;
+use host_protocol::{BusKind, Bytes, CanFrame, Protocol, ProtocolSet, RawFrame};
 use mgw_sim::Wire;
 
+use crate::commands::motor_name;
 use crate::decode::fields;
+
+/// A request of any protocol.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Request {
+    Rmd(rmd::Request),
+    Thruster(thruster::Request),
+    D5(d5::Request),
+}
+
+/// A reply of any protocol.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Reply {
+    Rmd(rmd::Reply),
+    Thruster(thruster::Reply),
+    D5(d5::Reply),
+}
+
+/// What requests and replies of every protocol tell of themselves.
+macro_rules! of_any_protocol {
+    ($name:ident) => {
+        impl $name {
+            /// Whose it is.
+            pub fn protocol(&self) -> Protocol {
+                match self {
+                    Self::Rmd(_) => Protocol::Rmd,
+                    Self::Thruster(_) => Protocol::Thruster,
+                    Self::D5(_) => Protocol::D5,
+                }
+            }
+
+            /// As the codec calls it.
+            pub fn name(&self) -> &'static str {
+                match self {
+                    Self::Rmd(message) => message.name(),
+                    Self::Thruster(message) => message.name(),
+                    Self::D5(message) => message.name(),
+                }
+            }
+
+            /// Its name and its values in the units of the manual.
+            fn text(&self) -> String {
+                let fields = fields(|visit| match self {
+                    Self::Rmd(message) => message.visit_fields(visit),
+                    Self::Thruster(message) => message.visit_fields(visit),
+                    Self::D5(message) => message.visit_fields(visit),
+                });
+                format!("{} {fields}", self.name()).trim_end().to_owned()
+            }
+        }
+    };
+}
+
+of_any_protocol!(Request);
+of_any_protocol!(Reply);
+
+impl Request {
+    /// Whether this may be the reply of the motor with the id `node` that was asked.
+    pub fn is_answered_by(&self, node: u8, reply: &Reply) -> bool {
+        match (self, reply) {
+            (Self::Rmd(request), Reply::Rmd(reply)) => {
+                matches!(rmd::answer(request, reply), rmd::Answer::Reply(_))
+            }
+            (Self::Thruster(request), Reply::Thruster(reply)) => {
+                matches!(thruster::answer(request, reply), thruster::Answer::Reply(_))
+            }
+            (Self::D5(request), Reply::D5(reply)) => {
+                let Ok(node) = d5::Node::new(node) else { return false };
+                matches!(d5::answer(request, node, node, reply), d5::Answer::Reply(_))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether it asks a motor to stop.
+    fn is_stop(&self) -> bool {
+        match self {
+            Self::Rmd(request) => {
+                matches!(request, rmd::Request::Stop | rmd::Request::Shutdown)
+            }
+            Self::Thruster(request) => {
+                *request == thruster::Request::Signal { signal: thruster::Percent(0) }
+            }
+            Self::D5(request) => {
+                let (register, value) = (d5::Register::SPEED, d5::Value::Word(0));
+                *request == d5::Request::Write { register, value }
+            }
+        }
+    }
+}
+
+/// What a frame may be as a request, and to which motor; none: to all.
+pub fn requests(frame: &RawFrame) -> impl Iterator<Item = (Option<u8>, Request)> {
+    let (rmd, thruster, d5) = match frame {
+        RawFrame::Can(frame) => (
+            rmd::can::decode_request(frame).ok(),
+            thruster::can::decode_request(frame).ok(),
+            d5::can::decode_request(frame).ok(),
+        ),
+        RawFrame::Serial(bytes) => (
+            whole(bytes).and_then(|frame| rmd::rs485::decode_request(frame).ok()),
+            None,
+            whole(bytes).and_then(|frame| d5::decode_request_frame(frame).ok()),
+        ),
+    };
+    let of_d5 = |address| match address {
+        d5::Address::Node(node) => Some(node.get()),
+        d5::Address::Broadcast => None,
+    };
+    let rmd = rmd.map(|(node, request)| (Some(node.get()), Request::Rmd(request)));
+    let thruster = thruster.map(|(node, request)| (Some(node.get()), Request::Thruster(request)));
+    let d5 = d5.map(|(address, request)| (of_d5(address), Request::D5(request)));
+    rmd.into_iter().chain(thruster).chain(d5)
+}
+
+/// What a frame may be as a reply, and of which motor.
+pub fn replies(frame: &RawFrame) -> impl Iterator<Item = (u8, Reply)> {
+    let (rmd, thruster, d5) = match frame {
+        RawFrame::Can(frame) => (
+            rmd::can::decode_reply(frame).ok(),
+            thruster::can::decode_reply(frame).ok(),
+            d5::can::decode_reply(frame).ok(),
+        ),
+        RawFrame::Serial(bytes) => (
+            whole(bytes).and_then(|frame| rmd::rs485::decode_reply(frame).ok()),
+            None,
+            whole(bytes).and_then(|frame| d5::decode_reply_frame(frame).ok()),
+        ),
+    };
+    let rmd = rmd.map(|(node, reply)| (node.get(), Reply::Rmd(reply)));
+    let thruster = thruster.map(|(node, reply)| (node.get(), Reply::Thruster(reply)));
+    let d5 = d5.map(|(node, reply)| (node.get(), Reply::D5(reply)));
+    rmd.into_iter().chain(thruster).chain(d5)
+}
+
+/// The bytes, if they are as many as a frame has.
+fn whole<const LEN: usize>(bytes: &[u8]) -> Option<&[u8; LEN]> {
+    bytes.try_into().ok()
+}
+
+/// What a frame asks of one motor.
+pub fn request_to_one(frame: &RawFrame) -> Option<(u8, Request)> {
+    requests(frame).find_map(|(node, request)| Some((node?, request)))
+}
+
+/// What a frame asks of whom, whatever values come with it: protocol, id and command. `None` where no
+/// codec knows it as a request.
+pub fn asks(frame: &RawFrame) -> Option<(&'static str, u8, &'static str)> {
+    request_to_one(frame).map(|(node, request)| (request.protocol().name(), node, request.name()))
+}
+
+/// Whether one frame may be the reply to another, as the codecs match them.
+pub fn may_answer(asked: &RawFrame, came: &RawFrame) -> bool {
+    let Some((node, request)) = request_to_one(asked) else { return false };
+    replies(came).any(|(from, reply)| from == node && request.is_answered_by(node, &reply))
+}
+
+/// A request to an RMD as a frame of such a bus.
+pub fn to_rmd(
+    bus: BusKind,
+    node: rmd::Node,
+    request: &rmd::Request,
+) -> Result<RawFrame, EncodeError> {
+    Ok(match bus {
+        BusKind::Can => RawFrame::Can(rmd::can::request::<CanFrame>(node, request)?),
+        BusKind::Rs485 => serial(&rmd::rs485::request(node, request)?),
+    })
+}
+
+/// A request to a D5, which listens on CAN on the id that is its node, as a frame of such a bus.
+pub fn to_d5(bus: BusKind, node: d5::Node, request: &d5::Request) -> Result<RawFrame, EncodeError> {
+    let (id, address) = (d5::can::default_request_id(node), d5::Address::Node(node));
+    Ok(match bus {
+        BusKind::Can => RawFrame::Can(d5::can::request::<CanFrame>(id, address, request)?),
+        BusKind::Rs485 => serial(&d5::request_frame(address, request)?),
+    })
+}
+
+fn serial(bytes: &[u8]) -> RawFrame {
+    // Frames are shorter than what a gateway takes.
+    RawFrame::Serial(Bytes::from_slice(bytes).unwrap_or_default())
+}
 
 /// What a frame means.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,86 +201,21 @@ pub struct Meaning {
 
 /// Reads a frame of a bus that speaks `protocols`; `None` if none of them knows it.
 pub fn read(wire: &Wire, from_gateway: bool, protocols: ProtocolSet) -> Option<Meaning> {
-    protocols.iter().find_map(|protocol| match (protocol, from_gateway) {
-        (Protocol::Rmd, true) => rmd_request(wire),
-        (Protocol::Rmd, false) => rmd_reply(wire),
-        (Protocol::Thruster, true) => thruster_request(wire),
-        (Protocol::Thruster, false) => thruster_reply(wire),
-        (Protocol::D5, true) => d5_request(wire),
-        (Protocol::D5, false) => d5_reply(wire),
-    })
-}
-
-fn meaning(motor: String, is_stop: bool, command: &str, fields: &str) -> Option<Meaning> {
-    let text = format!("{command} {fields}").trim_end().to_owned();
-    Some(Meaning { motor, text, is_stop })
-}
-
-/// The meaning of a request or a reply of any codec.
-macro_rules! meaning {
-    ($motor:expr, $is_stop:expr, $message:expr) => {
-        meaning($motor, $is_stop, $message.name(), &fields(|visit| $message.visit_fields(visit)))
+    let frame = match wire {
+        Wire::Can(frame) => RawFrame::Can(*frame),
+        Wire::Serial(bytes) => RawFrame::Serial(Bytes::from_slice(bytes).ok()?),
     };
-}
-
-fn rmd_request(wire: &Wire) -> Option<Meaning> {
-    let (node, request) = match wire {
-        Wire::Can(frame) => rmd::can::decode_request(frame).ok()?,
-        Wire::Serial(bytes) => {
-            rmd::rs485::decode_request(bytes.as_slice().try_into().ok()?).ok()?
-        }
-    };
-    let is_stop = matches!(request, rmd::Request::Stop | rmd::Request::Shutdown);
-    meaning!(format!("rmd {}", node.get()), is_stop, request)
-}
-
-fn rmd_reply(wire: &Wire) -> Option<Meaning> {
-    let (node, reply) = match wire {
-        Wire::Can(frame) => rmd::can::decode_reply(frame).ok()?,
-        Wire::Serial(bytes) => rmd::rs485::decode_reply(bytes.as_slice().try_into().ok()?).ok()?,
-    };
-    meaning!(format!("rmd {}", node.get()), false, reply)
-}
-
-fn thruster_request(wire: &Wire) -> Option<Meaning> {
-    let Wire::Can(frame) = wire else { return None };
-    let (node, request) = thruster::can::decode_request(frame).ok()?;
-    let is_stop = matches!(request, thruster::Request::Signal { signal: thruster::Percent(0) });
-    meaning!(format!("thruster 0x{:02X}", node.get()), is_stop, request)
-}
-
-fn thruster_reply(wire: &Wire) -> Option<Meaning> {
-    let Wire::Can(frame) = wire else { return None };
-    let (node, reply) = thruster::can::decode_reply(frame).ok()?;
-    meaning!(format!("thruster 0x{:02X}", node.get()), false, reply)
-}
-
-fn d5_request(wire: &Wire) -> Option<Meaning> {
-    let (address, request) = match wire {
-        Wire::Can(frame) => d5::can::decode_request(frame).ok()?,
-        Wire::Serial(bytes) => d5::decode_request_frame(bytes.as_slice().try_into().ok()?).ok()?,
-    };
-    let motor = match address {
-        d5::Address::Node(node) => d5_name(node),
-        d5::Address::Broadcast => "every d5".to_owned(),
-    };
-    let is_stop = matches!(
-        request,
-        d5::Request::Write { register: d5::Register::SPEED, value: d5::Value::Word(0) }
-    );
-    meaning!(motor, is_stop, request)
-}
-
-fn d5_reply(wire: &Wire) -> Option<Meaning> {
-    let (node, reply) = match wire {
-        Wire::Can(frame) => d5::can::decode_reply(frame).ok()?,
-        Wire::Serial(bytes) => d5::decode_reply_frame(bytes.as_slice().try_into().ok()?).ok()?,
-    };
-    meaning!(d5_name(node), false, reply)
-}
-
-fn d5_name(node: d5::Node) -> String {
-    format!("d5 0x{:02X}", node.get())
+    if from_gateway {
+        let is_spoken = |(_, request): &(_, Request)| protocols.contains(request.protocol());
+        let (node, request) = requests(&frame).find(is_spoken)?;
+        let protocol = request.protocol();
+        let motor = node.map_or_else(|| format!("every {protocol}"), |n| motor_name(protocol, n));
+        return Some(Meaning { motor, text: request.text(), is_stop: request.is_stop() });
+    }
+    let is_spoken = |(_, reply): &(_, Reply)| protocols.contains(reply.protocol());
+    let (node, reply) = replies(&frame).find(is_spoken)?;
+    let motor = motor_name(reply.protocol(), node);
+    Some(Meaning { motor, text: reply.text(), is_stop: false })
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use host_protocol::{BusKind, Error, Protocol};
 use mgw_client::ClientError;
 
 use crate::failure::Failure;
+use crate::frames;
 
 /// RMD V3.6 §2.9, §2.10, §2.33.4; the axis is not armed before (`RestartOwed`).
 const RESTART: &str = "a restart of the motor: restart it (0x76)";
@@ -64,7 +65,9 @@ fn cause(motor: Motor, data: &[u8]) -> Result<(), String> {
             if let rmd::Request::Unknown { .. } = request {
                 return Err(unlisted(motor, &format!("{:#04X}", request.command())));
             }
-            rmd_encodes(motor, &request)
+            rmd::Node::new(motor.node)
+                .and_then(|node| frames::to_rmd(motor.bus, node, &request))
+                .map(drop)
         }
         Protocol::Thruster => {
             let request =
@@ -87,14 +90,6 @@ fn cause(motor: Motor, data: &[u8]) -> Result<(), String> {
         }
     };
     encodes.map_err(|error| error.to_string())
-}
-
-fn rmd_encodes(motor: Motor, request: &rmd::Request) -> Result<(), codec::EncodeError> {
-    let node = rmd::Node::new(motor.node)?;
-    match motor.bus {
-        BusKind::Can => rmd::can::request::<host_protocol::CanFrame>(node, request).map(drop),
-        BusKind::Rs485 => rmd::rs485::request(node, request).map(drop),
-    }
 }
 
 fn unlisted(motor: Motor, code: &str) -> String {

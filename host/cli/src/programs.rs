@@ -23,8 +23,8 @@ use crate::native_request;
 use crate::output::to_json;
 
 pub use crate::config::schema as configuration_schema;
-pub use crate::delays::pairing::{asks, may_answer};
 pub use crate::faults::Protocols as Motors;
+pub use crate::frames::{asks, may_answer};
 pub use crate::json::cycle::result;
 pub use crate::json::event;
 pub use crate::json::gateway::{bus, incident, info};

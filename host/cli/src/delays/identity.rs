@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use rmd::{Dialect, Reply as Rmd};
 
-use super::pairing::{Pair, Reply};
+use super::pairing::Pair;
 use super::table::to_word;
+use crate::frames::Reply;
 
 /// The parts in which a V4.4 motor tells its model (V4.4 0xB5).
 const MODEL_PARTS: [u8; 3] = [1, 2, 3];

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use host_protocol::RawFrame;
 
+use crate::frames::{Reply, Request, replies, request_to_one};
+
 /// A request that has not been answered after this is forgotten, µs.
 const PATIENCE_US: u64 = 100_000;
 
@@ -16,25 +18,6 @@ pub struct Motor {
     pub protocol: &'static str,
     /// Its id there.
     pub node: u8,
-}
-
-/// A request of any protocol.
-#[derive(Debug, Clone, PartialEq)]
-enum Request {
-    Rmd(rmd::Request),
-    Thruster(thruster::Request),
-    D5(d5::Request),
-}
-
-/// A reply of any protocol.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Reply {
-    /// Of an RMD motor.
-    Rmd(rmd::Reply),
-    /// Of a thruster.
-    Thruster(thruster::Reply),
-    /// Of a D5 motor.
-    D5(d5::Reply),
 }
 
 /// A request that waits for its reply.
@@ -69,13 +52,13 @@ impl Pairing {
     /// tells no time.
     pub fn take(&mut self, bus: u64, frame: &RawFrame, time_us: u64) -> Option<Pair> {
         for (node, reply) in replies(frame) {
-            let motor = Motor { bus, protocol: reply.protocol(), node };
+            let motor = Motor { bus, protocol: reply.protocol().name(), node };
             if let Some(pair) = self.answered(motor, frame, reply, time_us) {
                 return pair;
             }
         }
-        let (node, request) = request(frame)?;
-        let motor = Motor { bus, protocol: request.protocol(), node };
+        let (node, request) = request_to_one(frame)?;
+        let motor = Motor { bus, protocol: request.protocol().name(), node };
         let waiting = self.waiting.entry(motor).or_default();
         waiting.retain(|before| time_us.saturating_sub(before.time_us) <= PATIENCE_US);
         waiting.push(Waiting { request, frame: frame.clone(), time_us });
@@ -107,111 +90,4 @@ impl Pairing {
         let span_us = time_us.checked_sub(first.time_us);
         Some(span_us.map(|span_us| Pair { motor, command: first.request.name(), reply, span_us }))
     }
-}
-
-/// What a frame asks of whom, whatever values come with it: protocol, id and command. `None` where no
-/// codec knows it as a request.
-pub fn asks(frame: &RawFrame) -> Option<(&'static str, u8, &'static str)> {
-    request(frame).map(|(node, request)| (request.protocol(), node, request.name()))
-}
-
-/// Whether one frame may be the reply to another, as the codecs match them.
-pub fn may_answer(asked: &RawFrame, came: &RawFrame) -> bool {
-    let Some((node, request)) = request(asked) else { return false };
-    replies(came).iter().any(|(from, reply)| *from == node && request.is_answered_by(node, reply))
-}
-
-impl Request {
-    fn protocol(&self) -> &'static str {
-        match self {
-            Self::Rmd(_) => "rmd",
-            Self::Thruster(_) => "thruster",
-            Self::D5(_) => "d5",
-        }
-    }
-
-    fn name(&self) -> &'static str {
-        match self {
-            Self::Rmd(request) => request.name(),
-            Self::Thruster(request) => request.name(),
-            Self::D5(request) => request.name(),
-        }
-    }
-
-    fn is_answered_by(&self, node: u8, reply: &Reply) -> bool {
-        match (self, reply) {
-            (Self::Rmd(request), Reply::Rmd(reply)) => {
-                matches!(rmd::answer(request, reply), rmd::Answer::Reply(_))
-            }
-            (Self::Thruster(request), Reply::Thruster(reply)) => {
-                matches!(thruster::answer(request, reply), thruster::Answer::Reply(_))
-            }
-            (Self::D5(request), Reply::D5(reply)) => {
-                let Ok(node) = d5::Node::new(node) else { return false };
-                matches!(d5::answer(request, node, node, reply), d5::Answer::Reply(_))
-            }
-            _ => false,
-        }
-    }
-}
-
-impl Reply {
-    fn protocol(&self) -> &'static str {
-        match self {
-            Self::Rmd(_) => "rmd",
-            Self::Thruster(_) => "thruster",
-            Self::D5(_) => "d5",
-        }
-    }
-}
-
-/// What a frame may be as a reply, and of which motor.
-fn replies(frame: &RawFrame) -> Vec<(u8, Reply)> {
-    let (rmd, thruster, d5) = match frame {
-        RawFrame::Can(frame) => (
-            rmd::can::decode_reply(frame).ok(),
-            thruster::can::decode_reply(frame).ok(),
-            d5::can::decode_reply(frame).ok(),
-        ),
-        RawFrame::Serial(bytes) => (
-            rmd_serial(bytes).and_then(|frame| rmd::rs485::decode_reply(frame).ok()),
-            None,
-            d5_serial(bytes).and_then(|frame| d5::decode_reply_frame(frame).ok()),
-        ),
-    };
-    let rmd = rmd.map(|(node, reply)| (node.get(), Reply::Rmd(reply)));
-    let thruster = thruster.map(|(node, reply)| (node.get(), Reply::Thruster(reply)));
-    let d5 = d5.map(|(node, reply)| (node.get(), Reply::D5(reply)));
-    rmd.into_iter().chain(thruster).chain(d5).collect()
-}
-
-/// What a frame asks of one motor.
-fn request(frame: &RawFrame) -> Option<(u8, Request)> {
-    let (rmd, thruster, d5) = match frame {
-        RawFrame::Can(frame) => (
-            rmd::can::decode_request(frame).ok(),
-            thruster::can::decode_request(frame).ok(),
-            d5::can::decode_request(frame).ok(),
-        ),
-        RawFrame::Serial(bytes) => (
-            rmd_serial(bytes).and_then(|frame| rmd::rs485::decode_request(frame).ok()),
-            None,
-            d5_serial(bytes).and_then(|frame| d5::decode_request_frame(frame).ok()),
-        ),
-    };
-    let of_d5 = |(address, request): (d5::Address, d5::Request)| match address {
-        d5::Address::Node(node) => Some((node.get(), Request::D5(request))),
-        _ => None,
-    };
-    rmd.map(|(node, request)| (node.get(), Request::Rmd(request)))
-        .or_else(|| thruster.map(|(node, request)| (node.get(), Request::Thruster(request))))
-        .or_else(|| d5.and_then(of_d5))
-}
-
-fn rmd_serial(bytes: &[u8]) -> Option<&[u8; rmd::rs485::FRAME_LEN]> {
-    bytes.try_into().ok()
-}
-
-fn d5_serial(bytes: &[u8]) -> Option<&[u8; d5::FRAME_LEN]> {
-    bytes.try_into().ok()
 }

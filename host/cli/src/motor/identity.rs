@@ -6,13 +6,14 @@ use std::time::Duration;
 use ::rmd::{BaudCode, Function, Request};
 use codec::EncodeError;
 use d5::Register;
-use host_protocol::{AxisParameter, BusKind, Bytes, CanFrame, Protocol, RawFrame, Value};
+use host_protocol::{AxisParameter, BusKind, Protocol, RawFrame, Value};
 
 use super::place::{axes_on, axis_of};
 use super::settings::{Number, Values, has_next_id};
 use super::{Motor, Run, failed, lacks, refused};
 use crate::config;
 use crate::failure::Failure;
+use crate::frames;
 use crate::scan::Found;
 
 /// So long a motor may take to answer what changes its id, and to come back after a restart.
@@ -248,14 +249,7 @@ fn rmd_id(run: &mut Run<'_>, old: u8, new: u8) -> Result<u8, Failure> {
 
 /// 0x79 has an id of its own, whatever the node.
 fn frame(motor: &Motor, node: u8, request: &Request) -> Result<RawFrame, EncodeError> {
-    let node = ::rmd::Node::new(node)?;
-    Ok(match motor.kind {
-        BusKind::Can => RawFrame::Can(::rmd::can::request::<CanFrame>(node, request)?),
-        BusKind::Rs485 => {
-            let bytes = ::rmd::rs485::request(node, request)?;
-            RawFrame::Serial(Bytes::from_slice(&bytes).unwrap_or_default())
-        }
-    })
+    frames::to_rmd(motor.kind, ::rmd::Node::new(node)?, request)
 }
 
 /// Sends these one after the other. What is answered is not listened to: only what the motor does

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use d5::serial::Deframer;
-use d5::{Address, Node, Register, Reply, Request, Value, Width};
-use host_protocol::{BusKind, Bytes, CanFrame, Protocol, RawFrame};
+use d5::{Node, Register, Reply, Request, Value, Width};
+use host_protocol::{BusKind, Protocol, RawFrame};
 
 use super::open_bus::{Hear, OpenBus};
 use super::{Doubled, Found};
 use crate::failure::Failure;
+use crate::frames;
 
 /// What a motor that answers is asked further; each register is a byte.
 const REGISTERS: [Register; 4] =
@@ -90,8 +91,7 @@ impl Motors {
     pub fn first_read() -> Option<RawFrame> {
         let node = Node::new(Node::MIN).ok()?;
         let request = Request::Read { register: Register::STATUS, width: Width::Byte };
-        let id = d5::can::default_request_id(node);
-        d5::can::request::<CanFrame>(id, Address::Node(node), &request).ok().map(RawFrame::Can)
+        frames::to_d5(BusKind::Can, node, &request).ok()
     }
 
     fn ask(
@@ -111,18 +111,8 @@ impl Motors {
         register: Register,
         width: Width,
     ) -> Result<bool, Failure> {
-        let (address, request) = (Address::Node(node), Request::Read { register, width });
-        let frame = match self.kind {
-            BusKind::Can => {
-                let id = d5::can::default_request_id(node);
-                d5::can::request::<CanFrame>(id, address, &request).ok().map(RawFrame::Can)
-            }
-            BusKind::Rs485 => d5::request_frame(address, &request)
-                .ok()
-                .and_then(|bytes| Bytes::from_slice(&bytes).ok())
-                .map(RawFrame::Serial),
-        };
-        let Some(frame) = frame else { return Ok(true) };
+        let request = Request::Read { register, width };
+        let Ok(frame) = frames::to_d5(self.kind, node, &request) else { return Ok(true) };
         bus.send(&frame, self)
     }
 

@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use embedded_can::Frame;
-use host_protocol::{BusKind, Bytes, CanFrame, Protocol, RawFrame};
+use host_protocol::{BusKind, Protocol, RawFrame};
 use rmd::rs485::Deframer;
 use rmd::{Dialect, Node, PROBES, Recognised, Reply, Request};
 
 use super::open_bus::{Hear, OpenBus};
 use super::{Doubled, Evidence, Found};
 use crate::failure::Failure;
+use crate::frames;
 
 /// Data bytes of an answer.
 type Data = [u8; rmd::DATA_LEN];
@@ -143,7 +144,7 @@ impl Motors {
     /// A read of the first id, for a bus where it is not known whether anybody is there.
     pub fn first_read() -> Option<RawFrame> {
         let node = Node::new(Node::MIN).ok()?;
-        rmd::can::request::<CanFrame>(node, &Request::ReadStatus1).ok().map(RawFrame::Can)
+        frames::to_rmd(BusKind::Can, node, &Request::ReadStatus1).ok()
     }
 
     fn ask(
@@ -152,14 +153,7 @@ impl Motors {
         node: Node,
         request: &Request,
     ) -> Result<bool, Failure> {
-        let frame = match self.kind {
-            BusKind::Can => rmd::can::request::<CanFrame>(node, request).ok().map(RawFrame::Can),
-            BusKind::Rs485 => rmd::rs485::request(node, request)
-                .ok()
-                .and_then(|bytes| Bytes::from_slice(&bytes).ok())
-                .map(RawFrame::Serial),
-        };
-        let Some(frame) = frame else { return Ok(true) };
+        let Ok(frame) = frames::to_rmd(self.kind, node, request) else { return Ok(true) };
         *self.asked.entry(node.get()).or_default() += 1;
         bus.send(&frame, self)
     }
