@@ -6,12 +6,12 @@ use std::rc::Rc;
 use host_protocol::{CanId, Protocol};
 use mgw_client::{Client, Transport};
 use mgw_sim::{Injection, SimTransport, Wiring, World};
-use rmd::Dialect;
 
 use crate::Told;
 use crate::args::FactoryMotor;
 use crate::config::{self, Configuration, Source};
 use crate::failure::Failure;
+use crate::parameters::dialect_number;
 
 /// Its configuration, which is also the example of a configuration file.
 const CONFIGURATION: &str = include_str!("../examples/four-motors.toml");
@@ -54,9 +54,7 @@ pub fn wiring(motors: &[FactoryMotor]) -> (Wiring, Told) {
         if let (Some(wired), Some(bitrate)) = (wiring.motors.last_mut(), motor.bitrate) {
             wired.bitrate = bitrate;
         }
-        let dialect = motor.dialect;
-        let number = dialect.and_then(|dialect| Dialect::ALL.iter().position(|of| *of == dialect));
-        if let Some(Ok(number)) = number.map(u8::try_from) {
+        if let Some(Ok(number)) = motor.dialect.map(|of| u8::try_from(dialect_number(of))) {
             injections.push((index, Injection::RmdDialect(number)));
         }
     }
@@ -75,13 +73,7 @@ pub fn configuration() -> Result<Configuration, Failure> {
 }
 
 fn read(text: &str) -> Result<Configuration, Failure> {
-    let source = Source { path: "host/cli/examples".to_owned(), text: text.to_owned() };
-    let file = config::parse(&source);
-    let configuration = file.onto(Configuration::default());
-    match config::check_without_board(&file, &configuration) {
-        findings if findings.is_empty() => Ok(configuration),
-        findings => Err(Failure::Configuration { path: source.path, findings }),
-    }
+    Source { path: "host/cli/examples".to_owned(), text: text.to_owned() }.for_any_board()
 }
 
 /// Gives a gateway that has none a configuration.
@@ -89,9 +81,7 @@ pub fn configure<T: Transport>(
     client: &mut Client<T>,
     configuration: &Configuration,
 ) -> Result<(), Failure> {
-    client.begin_changes()?;
-    client.add_changes(&Configuration::default().changes_to(configuration))?;
-    client.apply_changes()?;
+    config::make(client, &Configuration::default().changes_to(configuration))?;
     config::write_timeouts(client, configuration).map(drop)
 }
 

@@ -63,6 +63,11 @@ pub fn unsigned(text: &str) -> Option<u32> {
     }
 }
 
+/// The number of a dialect, as the wire has it.
+pub fn dialect_number(dialect: rmd::Dialect) -> u32 {
+    (0..).zip(rmd::Dialect::ALL).find(|(_, of)| *of == dialect).map_or(0, |(number, _)| number)
+}
+
 /// What a parameter takes, for people.
 pub fn allowed(info: &ParameterInfo) -> String {
     if info.is_can_id() {

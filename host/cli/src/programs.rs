@@ -161,21 +161,18 @@ pub fn configure<T: Transport>(
     client.take_authority()?;
     let running = config::read(client)?;
     let name = path.unwrap_or("the configuration").to_owned();
-    let read = config::parse(&Source { path: name.clone(), text: text.to_owned() });
-    let wanted = read.onto(if merge { running.clone() } else { Configuration::default() });
-    let mut findings = config::check(&read, &wanted, &BoardPorts::of(client.hello()));
-    if !findings.is_empty() {
-        if path.is_none() {
+    let source = Source { path: name, text: text.to_owned() };
+    let base = if merge { running.clone() } else { Configuration::default() };
+    let wanted = source.onto(base, &BoardPorts::of(client.hello())).map_err(|mut failure| {
+        if let Failure::Configuration { findings, .. } = &mut failure
+            && path.is_none()
+        {
             findings.iter_mut().for_each(|finding| finding.line = None);
         }
-        return Err(Failure::Configuration { path: name, findings }.into());
-    }
+        failure
+    })?;
     let changes = running.changes_to(&wanted);
-    if !changes.is_empty() {
-        client.begin_changes()?;
-        client.add_changes(&changes)?;
-        client.apply_changes()?;
-    }
+    config::make(client, &changes)?;
     let motor_timeouts_written = config::write_timeouts(client, &wanted)?;
     Ok(Configured { changes: changes.len(), motor_timeouts_written })
 }

@@ -9,9 +9,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use gateway::{Assumptions, Gateway, MAX_BUSES, Set};
-use host_protocol::{
-    AxisParameter, AxisState, BusKind, CycleResult, MAX_CYCLE_AXES, Protocol, StateFields, Value,
-};
+use host_protocol::{AxisState, BusKind, CycleResult, MAX_CYCLE_AXES, Protocol, StateFields};
 use mgw_client::{AxisSetpoint, ClientError, make_signal, make_velocity};
 
 use crate::args::BenchArgs;
@@ -168,10 +166,7 @@ impl<'a> Bench<'a> {
     }
 
     fn setpoint(&self, axis: u8) -> AxisSetpoint {
-        let thruster = Some(Value::Unsigned(Protocol::Thruster.number().into()));
-        let values = self.configuration.axes.get(&axis);
-        let protocol = values.and_then(|values| values.get(&AxisParameter::Protocol)).copied();
-        if protocol == thruster {
+        if self.configuration.protocol_of(axis) == Some(Protocol::Thruster) {
             make_signal(axis, 0.0)
         } else {
             make_velocity(axis, self.arguments.velocity)

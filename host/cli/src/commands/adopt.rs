@@ -10,6 +10,7 @@ use super::scan;
 use crate::args::AdoptArgs;
 use crate::config::{self, Configuration, NEW_BUS};
 use crate::failure::Failure;
+use crate::parameters;
 use crate::scan::{Found, Scanned};
 use crate::session::Session;
 use crate::words;
@@ -133,9 +134,7 @@ impl Proposal {
             values.insert(AxisParameter::StopAction, Value::Unsigned(action.into()));
         }
         if let Some(recognised) = motor.recognised {
-            let dialect = recognised.dialect();
-            let number = rmd::Dialect::ALL.iter().position(|of| *of == dialect).unwrap_or(0);
-            let number = u32::try_from(number).unwrap_or(0);
+            let number = parameters::dialect_number(recognised.dialect());
             values.insert(AxisParameter::RmdDialect, Value::Unsigned(number));
         }
         if let Some(level) = motor.ack_level.filter(|level| *level != FACTORY_ACK_LEVEL) {

@@ -7,7 +7,7 @@ use mgw_client::ClientError;
 use serde_json::{Value as Json, json};
 
 use crate::args::{ConfigAction, ConfigFile, ConfigRow};
-use crate::config::{self, BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NEW_BUS, Source};
+use crate::config::{self, BoardPorts, Configuration, MOTOR_TIMEOUT, NEW_BUS, Source};
 use crate::failure::Failure;
 use crate::json;
 use crate::motor::Unfinished;
@@ -44,9 +44,7 @@ pub fn refuse_without_board(action: &ConfigAction) -> Result<(), Failure> {
         | ConfigAction::Diff { file }
             if !file.merge =>
         {
-            let read = config::parse(&file.source);
-            let wanted = read.onto(Configuration::default());
-            refuse(&file.source, config::check_without_board(&read, &wanted))
+            file.source.for_any_board().map(drop)
         }
         _ => Ok(()),
     }
@@ -57,9 +55,7 @@ fn check_alone(file: &ConfigFile, out: Output) -> Result<(), Failure> {
         let text = "--merge starts from what a gateway has. Add --port".to_owned();
         return Err(Failure::Usage(text));
     }
-    let read = config::parse(&file.source);
-    let wanted = read.onto(Configuration::default());
-    refuse(&file.source, config::check_without_board(&read, &wanted))?;
+    let wanted = file.source.for_any_board()?;
     let nothing = Configuration::default();
     if let Some(board) = BoardPorts::possible(&wanted).next() {
         config::check_count(&nothing, &wanted, &board).or_else(refuse_count)?;
@@ -157,19 +153,8 @@ fn wanted(
     file: &ConfigFile,
     running: &Configuration,
 ) -> Result<Configuration, Failure> {
-    let read = config::parse(&file.source);
     let base = if file.merge { running.clone() } else { Configuration::default() };
-    let wanted = read.onto(base);
-    let board = BoardPorts::of(session.client.hello());
-    refuse(&file.source, config::check(&read, &wanted, &board))?;
-    Ok(wanted)
-}
-
-fn refuse(source: &Source, findings: Vec<Finding>) -> Result<(), Failure> {
-    if findings.is_empty() {
-        return Ok(());
-    }
-    Err(Failure::Configuration { path: source.path.clone(), findings })
+    file.source.onto(base, &BoardPorts::of(session.client.hello()))
 }
 
 fn apply(session: &mut Session, file: &ConfigFile) -> Result<(), Failure> {
@@ -266,15 +251,7 @@ fn change(
 
 /// Makes all changes or none.
 fn make(session: &mut Session, changes: &[Change]) -> Result<(), Failure> {
-    if changes.is_empty() {
-        return Ok(());
-    }
-    let client = &mut session.client;
-    let made = client
-        .begin_changes()
-        .and_then(|()| client.add_changes(changes))
-        .and_then(|()| client.apply_changes());
-    made.map_err(|error| match error {
+    config::make(&mut session.client, changes).map_err(|error| match error {
         ClientError::Gateway(error) => {
             Failure::Explained { error, text: format!("{error}. Nothing was changed") }
         }

@@ -5,6 +5,7 @@ use gateway::{AxisRules, NativeEffect};
 use host_protocol::{AxisParameter, BusKind, Error, Setpoint, Value};
 use mgw_client::ClientError;
 
+use crate::config;
 use crate::failure::Failure;
 use crate::session::Session;
 
@@ -51,9 +52,8 @@ impl Limits {
             return Ok(None);
         }
         let bus = values.iter().find(is(AxisParameter::Bus)).and_then(|(_, bus)| bus.as_unsigned());
-        let bus = bus.and_then(|bus| usize::try_from(bus).ok()).unwrap_or(usize::MAX);
-        let capability = session.client.hello().buses.get(bus);
-        let bus = capability.map_or(BusKind::Can, |capability| capability.kind);
+        let bus = bus.and_then(|bus| u8::try_from(bus).ok()).unwrap_or(u8::MAX);
+        let bus = config::kind_of(session.client.hello(), bus);
         let mut rules = AxisRules::new(axis, bus);
         for (parameter, value) in values {
             rules.set(parameter, value).map_err(refusal)?;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use gateway::NativeEffect;
-use host_protocol::{AxisParameter, AxisState, BusKind, Bytes, Error, MAX_CAN_DATA};
+use host_protocol::{AxisParameter, AxisState, Bytes, Error, MAX_CAN_DATA};
 use mgw_client::{Client, ClientError, NativeHold, Transport};
 use serde_json::json;
 
@@ -11,6 +11,7 @@ use super::drive::{ArmedAxis, Rounds, drive, nothing_to_tell};
 use super::limits::Limits;
 use super::raw;
 use crate::args::NativeArgs;
+use crate::config;
 use crate::decode;
 use crate::encode;
 use crate::failure::Failure;
@@ -132,8 +133,7 @@ pub fn motor<T: Transport>(
     let protocol = summary.protocol.ok_or_else(|| missing(AxisParameter::Protocol))?;
     let node = summary.node.ok_or_else(|| missing(AxisParameter::Node))?;
     let bus = summary.bus.ok_or_else(|| missing(AxisParameter::Bus))?;
-    let capability = client.hello().buses.get(usize::from(bus));
-    let bus = capability.map_or(BusKind::Can, |capability| capability.kind);
+    let bus = config::kind_of(client.hello(), bus);
     Ok((Motor { axis, protocol, node, bus }, summary.state))
 }
 

@@ -1,6 +1,6 @@
 //! The configuration that a gateway has, and what is written to its motors.
 
-use host_protocol::{GatewayParameter, MotorTimeout, Protocol};
+use host_protocol::{Change, GatewayParameter, MotorTimeout, Protocol};
 use mgw_client::{Client, ClientError, Transport};
 
 use super::Configuration;
@@ -35,6 +35,16 @@ pub fn read<T: Transport>(client: &mut Client<T>) -> Result<Configuration, Clien
     Ok(configuration)
 }
 
+/// Makes all of these changes or none.
+pub fn make<T: Transport>(client: &mut Client<T>, changes: &[Change]) -> Result<(), ClientError> {
+    if changes.is_empty() {
+        return Ok(());
+    }
+    client.begin_changes()?;
+    client.add_changes(changes)?;
+    client.apply_changes()
+}
+
 /// The time that writing gives the motor the timeout that is known of it.
 fn written(timeout: MotorTimeout, protocol: Option<Protocol>) -> Option<u32> {
     match timeout {
@@ -54,10 +64,7 @@ pub fn write_timeouts<T: Transport>(
 ) -> Result<usize, Failure> {
     let (mut count, mut failed) = (0, None);
     for (axis, timeout_ms) in &wanted.motor_timeouts {
-        let protocol = wanted.axes.get(axis).and_then(|values| {
-            let number = values.get(&host_protocol::AxisParameter::Protocol)?.as_unsigned()?;
-            Protocol::try_from(number).ok()
-        });
+        let protocol = wanted.protocol_of(*axis);
         let known = written(client.axis_settings(*axis)?.1, protocol);
         let is_known = known == Some(*timeout_ms)
             || protocol == Some(Protocol::D5) && known == Some(1) && *timeout_ms != 0;

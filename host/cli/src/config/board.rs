@@ -12,6 +12,11 @@ pub struct BoardPorts {
     pub max_axes: u8,
 }
 
+/// What carries a bus of a gateway, also of one that it has not.
+pub fn kind_of(hello: &HelloReply, bus: u8) -> BusKind {
+    hello.buses.get(usize::from(bus)).map_or(BusKind::Can, |bus| bus.kind)
+}
+
 /// Buses that a board can have.
 const BUSES: usize = gateway::MAX_BUSES;
 

@@ -9,9 +9,36 @@ use host_protocol::{
     PROTOCOL_MINOR, ProtocolSet, Quantity, Request, Subject, Value, requests,
 };
 
-use super::file::File;
+use super::file::{File, Source, parse};
 use super::{BoardPorts, Configuration, Finding, MOTOR_TIMEOUT, NAME};
+use crate::failure::Failure;
 use crate::parameters;
+
+impl Source {
+    /// What the file makes of a configuration, if a gateway on this board would take it.
+    pub fn onto(&self, base: Configuration, board: &BoardPorts) -> Result<Configuration, Failure> {
+        let file = parse(self);
+        let wanted = file.onto(base);
+        refuse(&self.path, check(&file, &wanted, board))?;
+        Ok(wanted)
+    }
+
+    /// What the file makes of nothing, if any gateway would take it.
+    pub fn for_any_board(&self) -> Result<Configuration, Failure> {
+        let file = parse(self);
+        let wanted = file.onto(Configuration::default());
+        refuse(&self.path, check_without_board(&file, &wanted))?;
+        Ok(wanted)
+    }
+}
+
+/// Refuses what has findings.
+pub fn refuse(path: &str, findings: Vec<Finding>) -> Result<(), Failure> {
+    if findings.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Configuration { path: path.to_owned(), findings })
+}
 
 /// What is wrong with what a file makes of a configuration, for a board.
 pub fn check(file: &File, configuration: &Configuration, board: &BoardPorts) -> Vec<Finding> {
@@ -37,7 +64,7 @@ pub fn check(file: &File, configuration: &Configuration, board: &BoardPorts) -> 
 }
 
 /// What is wrong with a configuration whatever its board: the least that any board would refuse.
-pub fn check_without_board(file: &File, configuration: &Configuration) -> Vec<Finding> {
+pub(super) fn check_without_board(file: &File, configuration: &Configuration) -> Vec<Finding> {
     let findings =
         BoardPorts::possible(configuration).map(|board| check(file, configuration, &board));
     findings.min_by_key(Vec::len).unwrap_or_default()

@@ -24,9 +24,9 @@ use crate::parameters;
 use crate::words;
 
 pub use self::dump::dump_with;
-pub use apply::{read, write_timeouts};
-pub use board::BoardPorts;
-pub use check::{check, check_count, check_without_board, core_of};
+pub use apply::{make, read, write_timeouts};
+pub use board::{BoardPorts, kind_of};
+pub use check::{check, check_count, core_of, refuse};
 pub use dump::dump;
 pub use file::{Source, parse};
 pub use schema::schema;
@@ -294,6 +294,37 @@ impl Configuration {
                 arrow(of, NAME, self.name(of).map(show), name.as_ref().map(show))
             }
         }
+    }
+
+    /// The bus of an axis, if it has one.
+    pub fn bus_of(&self, axis: u8) -> Option<u8> {
+        self.number(axis, AxisParameter::Bus)
+    }
+
+    /// What the motor of an axis speaks, if that is configured.
+    pub fn protocol_of(&self, axis: u8) -> Option<Protocol> {
+        self.number(axis, AxisParameter::Protocol)
+    }
+
+    /// The id of the motor of an axis, if it has one.
+    pub fn node_of(&self, axis: u8) -> Option<u8> {
+        self.number(axis, AxisParameter::Node)
+    }
+
+    fn number<T: TryFrom<u32>>(&self, axis: u8, parameter: AxisParameter) -> Option<T> {
+        T::try_from(self.axes.get(&axis)?.get(&parameter)?.as_unsigned()?).ok()
+    }
+
+    /// The axes on a bus.
+    pub fn axes_on(&self, bus: u8) -> Vec<u8> {
+        self.axes.keys().copied().filter(|axis| self.bus_of(*axis) == Some(bus)).collect()
+    }
+
+    /// The axis that is configured for a motor.
+    pub fn axis_of(&self, bus: u8, protocol: Protocol, node: u8) -> Option<u8> {
+        self.axes_on(bus).into_iter().find(|axis| {
+            self.protocol_of(*axis) == Some(protocol) && self.node_of(*axis) == Some(node)
+        })
     }
 
     /// Whose frames are on a bus.

@@ -8,7 +8,6 @@ use codec::EncodeError;
 use d5::Register;
 use host_protocol::{AxisParameter, BusKind, Protocol, RawFrame, Value};
 
-use super::place::{axes_on, axis_of};
 use super::settings::{Number, Values, has_next_id};
 use super::{Motor, Run, failed, lacks, refused};
 use crate::config;
@@ -93,7 +92,7 @@ pub(super) fn refuse_taken(run: &Run<'_>, new: u8, instead: &str) -> Result<(), 
             format!("bus {bus}: {} answers already: {instead}", run.motor.at(new)),
         ));
     }
-    match axis_of(&run.after, bus, protocol, new) {
+    match run.after.axis_of(bus, protocol, new) {
         Some(axis) => Err(failed(
             "Taken",
             format!(
@@ -216,7 +215,7 @@ fn rmd_id(run: &mut Run<'_>, old: u8, new: u8) -> Result<u8, Failure> {
     };
     let frames: Vec<RawFrame> =
         frames.into_iter().collect::<Result<_, EncodeError>>().map_err(|e| refused(&e, &motor))?;
-    let rows = axes_on(&run.after, motor.bus);
+    let rows = run.after.axes_on(motor.bus);
     let mut what = warning(run, new);
     if !rows.is_empty() {
         what += &format!(
@@ -363,7 +362,7 @@ pub fn bitrate(run: &mut Run<'_>, new: Option<u32>) -> Result<(), Failure> {
         "told {new} bit/s; {repeated}. Switch it off and on; at {new} bit/s it is found by `mgw \
             scan {bus}@{new}`, else it is at {old} still. `{back}` leads back"
     )];
-    if axes_on(&run.after, bus).is_empty() {
+    if run.after.axes_on(bus).is_empty() {
         notes.push(format!("where bus {bus} is configured: `mgw config bus {bus} bitrate={new}`"));
     } else {
         notes.push(format!(

@@ -243,9 +243,7 @@ impl Run<'_> {
             return Ok(());
         }
         self.expect(&wanted);
-        self.session.client.begin_changes()?;
-        self.session.client.add_changes(&changes)?;
-        self.session.client.apply_changes()?;
+        config::make(&mut self.session.client, &changes)?;
         self.now = wanted;
         self.unfinished.reached(&self.now);
         Ok(())

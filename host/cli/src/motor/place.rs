@@ -12,6 +12,7 @@ use super::{Motor, Run, Unfinished, failed, unfinished_text};
 use crate::args::{Bitrates, MotorTarget, ScanTarget};
 use crate::config::{self, Configuration, NEW_BUS};
 use crate::failure::Failure;
+use crate::parameters;
 use crate::scan::{Found, Scanned, Wanted, looked_for, may_be_asked, scan};
 use crate::session::Session;
 
@@ -104,48 +105,32 @@ struct Place {
     node: u8,
 }
 
-fn unsigned(value: Option<&Value>) -> Option<u32> {
-    value.and_then(|value| value.as_unsigned())
-}
-
-fn byte(value: Option<&Value>) -> Option<u8> {
-    unsigned(value).and_then(|number| u8::try_from(number).ok())
-}
-
 impl Place {
     fn of(
         session: &mut Session,
         base: &Configuration,
         target: MotorTarget,
     ) -> Result<Self, Failure> {
-        let kind_of = |session: &Session, bus: u8| {
-            let bus = session.client.hello().buses.get(usize::from(bus));
-            bus.map_or(BusKind::Can, |capability| capability.kind)
-        };
         match target {
             MotorTarget::Axis(axis) => {
                 session.refuse_unconfigured(&[axis], "it has no motor")?;
-                let values = base.axes.get(&axis);
-                let get = |parameter| values.and_then(|values| values.get(&parameter));
                 let missing = |parameter| move || Failure::lacks(axis, parameter);
-                let bus = byte(get(AxisParameter::Bus)).ok_or_else(missing(AxisParameter::Bus))?;
-                let node =
-                    byte(get(AxisParameter::Node)).ok_or_else(missing(AxisParameter::Node))?;
-                let protocol = unsigned(get(AxisParameter::Protocol));
-                let protocol = protocol.and_then(|number| Protocol::try_from(number).ok());
+                let bus = base.bus_of(axis).ok_or_else(missing(AxisParameter::Bus))?;
+                let node = base.node_of(axis).ok_or_else(missing(AxisParameter::Node))?;
+                let protocol = base.protocol_of(axis);
                 let protocol = protocol.ok_or_else(missing(AxisParameter::Protocol))?;
                 let config = base.buses.get(&bus).copied();
                 let config = config.ok_or(ClientError::Gateway(Error::BusNotConfigured { bus }))?;
-                let kind = kind_of(session, bus);
+                let kind = config::kind_of(session.client.hello(), bus);
                 Ok(Self { axis: Some(axis), bus, kind, config, protocol: Some(protocol), node })
             }
             MotorTarget::Place { bus, protocol, node, bitrate } => {
                 // The gateway says which buses there are.
                 let there = session.client.bus_status(bus)?.config;
-                let kind = kind_of(session, bus);
+                let kind = config::kind_of(session.client.hello(), bus);
                 let config = bus_config(base, bus, kind, there, protocol, bitrate)?;
                 // Which axis it is of is known with its protocol only.
-                let axis = protocol.and_then(|protocol| axis_of(base, bus, protocol, node));
+                let axis = protocol.and_then(|protocol| base.axis_of(bus, protocol, node));
                 Ok(Self { axis, bus, kind, config, protocol, node })
             }
         }
@@ -171,7 +156,7 @@ fn bus_config(
         (Some(config), Some(bitrate)) if config.bitrate == bitrate => return Ok(config),
         (_, Some(bitrate)) => bitrate,
     };
-    if let Some(axis) = axes_on(base, bus).first().copied() {
+    if let Some(axis) = base.axes_on(bus).first().copied() {
         return Err(Failure::Explained {
             error: Error::AxisOnBus { bus, axis },
             text: format!(
@@ -189,30 +174,6 @@ fn bus_config(
         }
     };
     Ok(BusConfig { bitrate, protocols, ..NEW_BUS })
-}
-
-/// The axes on a bus.
-pub(super) fn axes_on(configuration: &Configuration, bus: u8) -> Vec<u8> {
-    let here = configuration
-        .axes
-        .iter()
-        .filter(|(_, values)| byte(values.get(&AxisParameter::Bus)) == Some(bus));
-    here.map(|(axis, _)| *axis).collect()
-}
-
-/// The axis that is configured for a motor.
-pub(super) fn axis_of(
-    configuration: &Configuration,
-    bus: u8,
-    protocol: Protocol,
-    node: u8,
-) -> Option<u8> {
-    axes_on(configuration, bus).into_iter().find(|axis| {
-        let values = configuration.axes.get(axis);
-        let get = |parameter| unsigned(values.and_then(|values| values.get(&parameter)));
-        get(AxisParameter::Node) == Some(node.into())
-            && get(AxisParameter::Protocol) == Some(protocol.number().into())
-    })
 }
 
 impl Run<'_> {
@@ -283,7 +244,7 @@ impl Run<'_> {
                 if !self.motor.is_own {
                     // Only now it is known which protocol it is.
                     let (bus, node) = (place.bus, place.node);
-                    let axis = axis_of(&self.now, bus, one.protocol, node);
+                    let axis = self.now.axis_of(bus, one.protocol, node);
                     self.motor.is_own = axis.is_some();
                     self.motor.axis = axis.unwrap_or(self.motor.axis);
                 }
@@ -370,7 +331,7 @@ impl Run<'_> {
         }
         let Motor { axis, is_own, bus, protocol, node, .. } = self.motor;
         let values = wanted.axes.entry(axis).or_default();
-        let stop = unsigned(values.get(&AxisParameter::StopAction));
+        let stop = values.get(&AxisParameter::StopAction).and_then(|action| action.as_unsigned());
         let mut set = |parameter, number: u32| values.insert(parameter, Value::Unsigned(number));
         if !is_own {
             let stop = if protocol == Protocol::D5 { StopAction::Hold } else { StopAction::Coast };
@@ -391,9 +352,8 @@ impl Run<'_> {
                 None => possible(recognised),
             };
             let dialect = self.motor.dialect();
-            let number = Dialect::ALL.iter().position(|of| *of == dialect).unwrap_or(0);
             if stated != Some(dialect) {
-                set(AxisParameter::RmdDialect, u32::try_from(number).unwrap_or(0));
+                set(AxisParameter::RmdDialect, parameters::dialect_number(dialect));
             }
             // From V4.4 on nothing is stored while the output is on, as it is on one that holds.
             let holds = stop == Some(StopAction::Hold.into());

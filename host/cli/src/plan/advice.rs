@@ -58,11 +58,7 @@ fn fewer_axes(
     bus: u8,
     holds: &dyn Fn(&Configuration, &Premises) -> bool,
 ) -> Option<String> {
-    let is_here = |values: &std::collections::BTreeMap<AxisParameter, Value>| {
-        values.get(&AxisParameter::Bus) == Some(&Value::Unsigned(bus.into()))
-    };
-    let here = configuration.axes.iter().filter(|(_, values)| is_here(values));
-    let here: Vec<u8> = here.map(|(axis, _)| *axis).collect();
+    let here = configuration.axes_on(bus);
     let all = here.len();
     let free = (0..).take(MAX_BUSES).find(|other| !configuration.buses.contains_key(other));
     let moved = free.and_then(|other: u8| {

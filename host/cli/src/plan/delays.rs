@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use host_protocol::{AxisParameter, BusKind, Protocol};
+use host_protocol::BusKind;
 use serde::Deserialize;
 
 use crate::config::{Configuration, Source};
@@ -58,12 +58,11 @@ pub fn read(source: &Source, planned: &Planned<'_>) -> Result<Stated, Failure> {
 /// such a bus, at this bitrate.
 fn of_table(table: &Table, planned: &Planned<'_>) -> Stated {
     let mut stated = Stated::default();
-    for (axis, values) in &planned.configuration.axes {
-        let number =
-            |parameter: AxisParameter| u8::try_from(values.get(&parameter)?.as_unsigned()?).ok();
-        let protocol = number(AxisParameter::Protocol).and_then(protocol_of);
-        let Some((protocol, bus)) = protocol.zip(number(AxisParameter::Bus)) else { continue };
-        let bitrate = planned.configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate);
+    let configuration = planned.configuration;
+    for axis in configuration.axes.keys() {
+        let place = configuration.protocol_of(*axis).zip(configuration.bus_of(*axis));
+        let Some((protocol, bus)) = place else { continue };
+        let bitrate = configuration.buses.get(&bus).map_or(0, |bus| bus.bitrate);
         let kind = words::kind(planned.kinds.get(usize::from(bus)));
         let model = planned.models.iter().find(|(of, _)| of == axis).map(|(_, model)| model);
         let fitting: Vec<(&Key, &Entry)> = table
@@ -116,8 +115,4 @@ fn by_axis(source: &Source) -> Result<Vec<(u8, u32)>, Failure> {
             if us > LONGEST_US { Err(wrong(&range)) } else { Ok((number, us)) }
         })
         .collect()
-}
-
-fn protocol_of(number: u8) -> Option<Protocol> {
-    Protocol::ALL.iter().copied().find(|protocol| protocol.number() == number)
 }

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, PERIOD_US, Set};
 use host_protocol::{
-    AxisParameter, BusKind, Error, MAX_CYCLE_AXES, Protocol, StateFields, Subject,
-    cycle_event_bytes, cycle_frame_bytes,
+    BusKind, Error, MAX_CYCLE_AXES, Protocol, StateFields, Subject, cycle_event_bytes,
+    cycle_frame_bytes,
 };
 
 use crate::args::{HostLine, PlanArgs};
@@ -200,10 +200,7 @@ pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
     let configuration = file.onto(Configuration::default());
     let premises = premises(arguments, &configuration, out)?;
     let findings = config::check(&file, &configuration, &board_for(&configuration, &premises));
-    if !findings.is_empty() {
-        let path = arguments.source.path.clone();
-        return Err(Failure::Configuration { path, findings });
-    }
+    config::refuse(&arguments.source.path, findings)?;
     let plan = Plan::of_configuration(&configuration, &premises).filter(|plan| plan.axes() > 0);
     let plan = plan.ok_or_else(|| {
         Failure::Usage(format!("{} has no axis to plan for", arguments.source.path))
@@ -258,10 +255,8 @@ fn premises(
     let mut impedance = Set::NONE;
     for typed in &arguments.impedance {
         let axis = axis(typed)?;
-        let number = |parameter| configuration.axes.get(&axis)?.get(&parameter)?.as_unsigned();
-        let is_rmd = number(AxisParameter::Protocol) == Some(Protocol::Rmd.number().into());
-        let bus = number(AxisParameter::Bus).and_then(|bus| usize::try_from(bus).ok());
-        if !is_rmd || bus.and_then(|bus| kinds.get(bus)) != Some(&BusKind::Can) {
+        let kind = configuration.bus_of(axis).and_then(|bus| kinds.get(usize::from(bus)));
+        if configuration.protocol_of(axis) != Some(Protocol::Rmd) || kind != Some(&BusKind::Can) {
             let text =
                 format!("axis {axis} takes no impedance setpoints: only RMD motors on CAN do");
             return Err(Failure::Usage(text));
