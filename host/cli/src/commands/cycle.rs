@@ -54,11 +54,8 @@ pub fn run(session: &mut Session, arguments: &CycleArgs) -> Result<(), Failure> 
     let mut periods = Periods::new(session, fields);
     let ended = while_armed(session, &axes, |session, armed| {
         session.client.run_cycle(&axes, fields, period)?;
-        let with_setpoint = |(armed, target): (&ArmedAxis, &CycleTarget)| {
-            let ArmedAxis { axis, epoch, ttl } = *armed;
-            Hold { axis, epoch, setpoint: target.setpoint, ttl }
-        };
-        let holds: Vec<Hold> = armed.iter().zip(&targets).map(with_setpoint).collect();
+        let holds = armed.iter().zip(&targets).map(|(armed, target)| armed.hold(target.setpoint));
+        let holds: Vec<Hold> = holds.collect();
         let duration = arguments.seconds.unwrap_or(Duration::MAX);
         let held =
             session.client.hold_setpoints(&holds, duration, |client| periods.turn(client, armed));

@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use host_protocol::replies::{Armed, AxisReport};
-use host_protocol::{AxisState, Error, Event};
-use mgw_client::{Client, ClientError, Round, Transport};
+use host_protocol::{AxisState, Error, Event, Setpoint};
+use mgw_client::{Client, ClientError, Hold, Round, Transport};
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
@@ -31,6 +31,14 @@ pub struct ArmedAxis {
     pub epoch: u32,
     /// How long what moves it is valid.
     pub ttl: Duration,
+}
+
+impl ArmedAxis {
+    /// What it shall keep doing.
+    pub fn hold(self, setpoint: Setpoint) -> Hold {
+        let Self { axis, epoch, ttl } = self;
+        Hold { axis, epoch, setpoint, ttl }
+    }
 }
 
 /// Arms an axis, has `act` move it, and stops it. Then what `act` returned tells how it went, from

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crossterm::event::KeyCode;
 use host_protocol::{Protocol, Setpoint};
-use mgw_client::{Client, ClientError, Hold, Transport};
+use mgw_client::{Client, ClientError, Transport};
 
 use super::drive::{Rounds, drive, nothing_to_tell};
 use super::limits;
@@ -186,15 +186,15 @@ fn hold(
         if confirmed != Wish::GoOn {
             return Ok(nothing_to_tell);
         }
-        let hold = Hold { axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
         let mut rounds = Rounds::new(session, &[armed]);
-        let moved = session.client.hold_setpoints(&[hold], Duration::MAX, |client| {
-            wish = grip.wish();
-            match wish {
-                Ok(Wish::GoOn) => rounds.turn(client),
-                _ => Ok(ControlFlow::Break(())),
-            }
-        });
+        let moved =
+            session.client.hold_setpoints(&[armed.hold(setpoint)], Duration::MAX, |client| {
+                wish = grip.wish();
+                match wish {
+                    Ok(Wish::GoOn) => rounds.turn(client),
+                    _ => Ok(ControlFlow::Break(())),
+                }
+            });
         if matches!(moved, Err(ClientError::Interrupted { .. })) {
             wish = Ok(Wish::End);
         }

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use host_protocol::Setpoint;
 use host_protocol::replies::{AxisReport, MoveTarget};
-use mgw_client::Hold;
 use serde_json::{Value, json};
 
 use super::drive::{Rounds, drive};
@@ -40,7 +39,7 @@ pub fn run(session: &mut Session, arguments: &MoveArgs) -> Result<(), Failure> {
         )?;
         let setpoint =
             Setpoint::Position { position_rad: target_rad, speed_limit_rad_s: speed_limit };
-        let hold = Hold { axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
+        let hold = armed.hold(setpoint);
         let mut rounds = Rounds::new(session, &[armed]);
         let is_there = move |report: &AxisReport| has_arrived(report, target_rad, tolerance);
         let held =

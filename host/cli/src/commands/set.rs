@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use host_protocol::Setpoint;
-use mgw_client::Hold;
 
 use super::drive::{Rounds, drive, nothing_to_tell};
 use super::limits;
@@ -22,10 +21,11 @@ pub fn run(session: &mut Session, arguments: &SetArgs) -> Result<(), Failure> {
     drive(session, axis, |session, armed| {
         // Arming may have freed a brake.
         pull(session, axis, arguments, setpoint)?;
-        let hold = Hold { axis: armed.axis, epoch: armed.epoch, setpoint, ttl: armed.ttl };
         let mut rounds = Rounds::new(session, &[armed]);
         let duration = arguments.seconds.unwrap_or(Duration::MAX);
-        let held = session.client.hold_setpoints(&[hold], duration, |client| rounds.turn(client));
+        let held = session
+            .client
+            .hold_setpoints(&[armed.hold(setpoint)], duration, |client| rounds.turn(client));
         rounds.end(held)?;
         Ok(nothing_to_tell)
     })

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use host_protocol::requests::{MAX_MEMBERS, Member};
 use host_protocol::{Error, Protocol, Setpoint, TogetherBar, Vec as Members};
-use mgw_client::{ClientError, Hold};
+use mgw_client::ClientError;
 
 use super::arm::while_armed;
 use super::drive::{ArmedAxis, Rounds, refuse_twice};
@@ -72,13 +72,11 @@ fn start_and_hold(
 ) -> Result<(), Failure> {
     let mut members: Members<Member, MAX_MEMBERS> = Members::new();
     let mut holds = Vec::new();
-    for (Target { velocity, .. }, ArmedAxis { axis, epoch, ttl }) in
-        targets.iter().zip(armed.iter().copied())
-    {
-        let velocity_rad_s = *velocity;
+    for (target, armed) in targets.iter().zip(armed) {
+        let (axis, epoch, velocity_rad_s) = (armed.axis, armed.epoch, target.velocity);
         // There are no more than there may be.
         let _ = members.push(Member { axis, epoch, velocity_rad_s });
-        holds.push(Hold { axis, epoch, setpoint: Setpoint::Velocity { velocity_rad_s }, ttl });
+        holds.push(armed.hold(Setpoint::Velocity { velocity_rad_s }));
     }
     let ttl = armed.iter().map(|armed| armed.ttl).min().unwrap_or_default();
     let mut rounds = Rounds::new(session, armed);

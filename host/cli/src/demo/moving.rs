@@ -38,11 +38,7 @@ pub type Motion = Hold;
 
 /// A motion for each armed axis.
 pub fn motions(armed: &[ArmedAxis]) -> Vec<Motion> {
-    let motion = |(armed, setpoint): (&ArmedAxis, Setpoint)| {
-        let ArmedAxis { axis, epoch, ttl } = *armed;
-        Hold { axis, epoch, setpoint, ttl }
-    };
-    armed.iter().zip(SETPOINTS).map(motion).collect()
+    armed.iter().zip(SETPOINTS).map(|(armed, setpoint)| armed.hold(setpoint)).collect()
 }
 
 /// Holds the setpoints for a while and shows states and frames.

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 
 use super::ask::Ask;
 use super::reach::Reach;
+use crate::commands::ArmedAxis;
 use crate::explain::with_page;
 use crate::failure::Failure;
 use crate::session::EVENTS_AT_ONCE;
@@ -74,13 +75,6 @@ fn told(state: &str, message: &str) -> Value {
     json!({ "event": "command", "state": state, "message": message })
 }
 
-/// An armed axis.
-#[derive(Debug, Clone, Copy)]
-struct Armed {
-    epoch: u32,
-    ttl: Duration,
-}
-
 /// What an armed axis does.
 #[derive(Debug, Clone, Copy)]
 struct Held {
@@ -99,7 +93,7 @@ enum End {
 struct Command<'a> {
     client: Client<Box<dyn Transport>>,
     outbox: &'a Outbox,
-    armed: BTreeMap<u8, Armed>,
+    armed: BTreeMap<u8, ArmedAxis>,
     held: BTreeMap<u8, Held>,
 }
 
@@ -142,10 +136,7 @@ impl Command<'_> {
         orders: &Receiver<(Instant, Ask)>,
     ) -> Result<ControlFlow<End, Vec<(Instant, Ask)>>, Failure> {
         let Self { client, outbox, armed, held } = self;
-        let hold = |(axis, held): (&u8, &Held)| {
-            let Armed { epoch, ttl } = *armed.get(axis)?;
-            Some(Hold { axis: *axis, epoch, setpoint: held.setpoint, ttl })
-        };
+        let hold = |(axis, held): (&u8, &Held)| Some(armed.get(axis)?.hold(held.setpoint));
         let holds: Vec<Hold> = held.iter().filter_map(hold).collect();
         let (mut asked, mut end) = (Vec::new(), None);
         let kept = client.hold_setpoints(&holds, Duration::MAX, |client| -> Round {
@@ -237,7 +228,7 @@ impl Command<'_> {
         }
         let ttl = self.client.axis_ttl(axis)?;
         let epoch = self.client.arm(axis)?.epoch;
-        self.armed.insert(axis, Armed { epoch, ttl });
+        self.armed.insert(axis, ArmedAxis { axis, epoch, ttl });
         self.outbox.put_json(&json!({ "event": "armed", "axis": axis, "epoch": epoch }));
         Ok(())
     }
@@ -292,7 +283,7 @@ fn is_repeated(held: &mut BTreeMap<u8, Held>, at: Instant, ask: &Ask) -> bool {
 /// The axes that somebody or something else has stopped; they are no longer held.
 fn lost(
     client: &mut Client<Box<dyn Transport>>,
-    armed: &mut BTreeMap<u8, Armed>,
+    armed: &mut BTreeMap<u8, ArmedAxis>,
     held: &mut BTreeMap<u8, Held>,
 ) -> Result<Vec<u8>, ClientError> {
     let mut lost = Vec::new();
