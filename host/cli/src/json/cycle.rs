@@ -3,50 +3,40 @@
 use host_protocol::{CycleEvent, CycleMessage, CycleResult, ERRORS};
 use serde_json::{Value, json};
 
-use super::{axis, extend, line, snake};
+use super::{axis, extend, line, name, snake};
 use crate::faults::Protocols;
-use crate::output::number;
+use crate::output::{number, to_json};
 
 /// What became of a setpoint; one that was refused: the name of the error.
 pub fn result(result: CycleResult) -> String {
-    let name = match result {
-        CycleResult::Answered => "answered",
-        CycleResult::Ambiguous => "ambiguous",
-        CycleResult::NoReply => "no_reply",
-        CycleResult::Stopped => "stopped",
-        CycleResult::Superseded => "superseded",
+    match result {
         CycleResult::Refused { error } => {
             let known = ERRORS.iter().find(|info| info.number == error);
-            return known.map_or("refused".to_owned(), |info| snake(info.name));
+            known.map_or("refused".to_owned(), |info| snake(info.name))
         }
-    };
-    name.to_owned()
+        other => name(&other),
+    }
 }
 
 /// A period, and how each axis is in it.
 pub fn period(event: &CycleEvent) -> Value {
-    let or_null = |value: Option<f32>| value.map_or(Value::Null, number);
     let axes = event.states().map(|state| {
         let mut axis = axis::in_state(state.axis, state.state);
         extend(
             &mut axis,
             json!({
                 "result": result(state.result), "age_us": state.age_us,
-                "position_rad": or_null(state.position_rad),
-                "velocity_rad_s": or_null(state.velocity_rad_s),
-                "current_a": or_null(state.current_a),
+                "position_rad": state.position_rad.map(number),
+                "velocity_rad_s": state.velocity_rad_s.map(number),
+                "current_a": state.current_a.map(number),
             }),
         );
         axis
     });
-    let overruns = event.overruns;
     json!({
         "period": event.period, "late_us": event.late_us, "jitter_us": event.jitter_us,
         "took_us": event.took_us,
-        "overruns": {
-            "bus": overruns.bus, "motor": overruns.motor,
-            "host": overruns.host, "gateway": overruns.gateway,
-        },
+        "overruns": to_json(&event.overruns),
         "axes": axes.collect::<Value>(),
     })
 }

@@ -76,38 +76,20 @@ pub fn event(message: &EventMessage, motors: &Protocols) -> Value {
         Event::Tripped { axis, trip } => {
             json!({ "axis": axis, "trip": axis::trip(trip, motors.of(*axis)) })
         }
-        Event::StopConfirmed { axis, reaction_us, elapsed_us, standstill } => {
-            json!({
-                "axis": axis, "reaction_us": reaction_us,
-                "elapsed_us": elapsed_us, "standstill": standstill
-            })
-        }
         Event::StateChanged { axis, state } => axis::in_state(*axis, *state),
-        Event::AuthorityLost { reason } => json!({ "reason": name(reason) }),
-        Event::EStopLatched {} | Event::EStopCleared {} => json!({}),
-        Event::EStopInputChanged { open } => json!({ "open": open }),
-        Event::EnableOutputChanged { active } => json!({ "active": active }),
-        Event::StopDelayed { bus, axis, waiting_us } => {
-            json!({ "bus": bus, "axis": axis, "waiting_us": waiting_us })
-        }
-        Event::BrakeUnverified { axis, locked } => json!({ "axis": axis, "locked": locked }),
         Event::AngleMismatch { axis, angle_rad, position_rad } => {
             json!({ "axis": axis, "angle_rad": angle_rad, "position_rad": position_rad })
         }
         Event::FrameRejected { reason, count } => {
             json!({ "reason": words::frame_error(*reason).map(snake), "count": count })
         }
-        Event::BusStateChanged { bus, state } => json!({ "bus": bus, "state": name(state) }),
         Event::MotorNotice { axis, data, length, unreported } => {
             let data = data.get(..usize::from(*length)).unwrap_or(data);
             json!({ "axis": axis, "data": words::hex(data), "unreported": unreported })
         }
-        Event::AxisUnreachable { axis, stop_transmitted } => {
-            json!({ "axis": axis, "stop_transmitted": stop_transmitted })
-        }
-        Event::RequestDropped { count } => json!({ "count": count }),
         Event::Sample { axis, .. } => axis::sample(&message.event, motors.of(*axis)),
-        Event::Unknown { number } => json!({ "number": number }),
+        // The others are as the wire has them.
+        event => Value::Object(variant(event).1),
     };
     let common = json!({
         "event": snake(message.event.name()),

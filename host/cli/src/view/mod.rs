@@ -13,7 +13,7 @@ mod hand;
 mod hub;
 mod reach;
 
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener};
+use std::net::{SocketAddr, TcpListener};
 use std::thread;
 use std::time::Duration;
 
@@ -25,6 +25,7 @@ use crate::output::Output;
 use ask::Ask;
 use hand::{Hand, Heard};
 use hub::Hub;
+use reach::from_here;
 
 pub use reach::Reach;
 
@@ -132,16 +133,6 @@ pub fn check_token(option: &str, address: SocketAddr, token: Option<&str>) -> Re
         None => ": give a --token that has to be shown there, or listen on 127.0.0.1".to_owned(),
     };
     Err(Failure::Usage(format!("{option} {address} can be reached from other computers{why}")))
-}
-
-/// Where this computer reaches a listener of its own.
-fn from_here(address: SocketAddr) -> SocketAddr {
-    let ip = match address.ip() {
-        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
-        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
-        ip => ip,
-    };
-    SocketAddr::new(ip, address.port())
 }
 
 /// A token as a part of an address.

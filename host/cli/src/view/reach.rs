@@ -6,6 +6,16 @@ use mgw_client::{ClientError, TcpTransport, Transport};
 
 use crate::failure::Failure;
 
+/// Where this computer reaches a listener of its own.
+pub fn from_here(address: SocketAddr) -> SocketAddr {
+    let ip = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        ip => ip,
+    };
+    SocketAddr::new(ip, address.port())
+}
+
 /// Where the server listens, and the token that it wants.
 #[derive(Debug, Clone)]
 pub struct Reach {
@@ -15,13 +25,8 @@ pub struct Reach {
 
 impl Reach {
     /// A server of this process that listens there.
-    pub fn new(mut address: SocketAddr, token: Option<String>) -> Self {
-        match address.ip() {
-            IpAddr::V4(Ipv4Addr::UNSPECIFIED) => address.set_ip(Ipv4Addr::LOCALHOST.into()),
-            IpAddr::V6(Ipv6Addr::UNSPECIFIED) => address.set_ip(Ipv6Addr::LOCALHOST.into()),
-            _ => {}
-        }
-        Self { address: address.to_string(), token }
+    pub fn new(address: SocketAddr, token: Option<String>) -> Self {
+        Self { address: from_here(address).to_string(), token }
     }
 
     /// A connection of its own.
