@@ -274,18 +274,6 @@ mod tests {
     }
 
     #[test]
-    fn a_register_is_called_by_its_name() {
-        let d5 = ProtocolSet::of(&[Protocol::D5]);
-        // Sum of 0B 05 02 26 00 00, and of 0B 05 02 26 9E 01.
-        let request =
-            read(&can(0x00B, &[0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38]), true, d5).unwrap();
-        assert_eq!(request.text, "read register=38 register_name=current_speed bytes=2");
-        let reply = read(&can(0x00B, &[0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7]), false, d5)
-            .unwrap();
-        assert_eq!(reply.text, "read register=38 register_name=current_speed speed_dps=414");
-    }
-
-    #[test]
     fn what_no_protocol_of_the_bus_knows_has_no_meaning() {
         assert_eq!(read(&can(0x7FF, &[]), true, RMD_AND_THRUSTER), None);
         assert_eq!(read(&Wire::Serial(vec![0x3E, 0x01]), true, RMD_AND_THRUSTER), None);

@@ -90,18 +90,4 @@ mod tests {
         let line = reply(0, Protocol::Rmd, 1, &CURRENT, &CURRENT, true);
         assert!(line.contains(r#""not_executed":true"#), "{line}");
     }
-
-    #[test]
-    fn every_protocol() {
-        let line = reply(2, Protocol::Thruster, 11, b"QV\0\0", b"QV\0\0\0\0\x01\x2C", true);
-        assert!(
-            line.contains(r#""command":"read_speed""#) && line.contains(r#""speed_rpm":300"#),
-            "{line}"
-        );
-        let request = [0xD5, 0x0B, 0x05, 0x02, 0x26, 0x00, 0x00, 0x38];
-        let answer = [0x5D, 0x0B, 0x05, 0x02, 0x26, 0x9E, 0x01, 0xD7];
-        let line = reply(3, Protocol::D5, 11, &request, &answer, true);
-        assert!(line.contains(r#""register_name":"current_speed","speed_dps":414"#), "{line}");
-        assert!(line.ends_with(r#""axis":3}"#), "{line}");
-    }
 }

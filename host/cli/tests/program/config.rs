@@ -145,11 +145,14 @@ fn a_file_is_checked_without_a_gateway() {
         let text = mgw(arguments).success();
         assert!(text.contains("3 buses and 4 axes") && text.contains("Add --port"), "{text}");
     }
-    let text = mgw_reading(&["config", "check", "-"], "[[axis]]\naxis = 0\n").failure(1);
-    assert!(
-        text.contains("line 2, axis 0: lacks stop_action; it takes coast, hold, brake"),
-        "{text}"
-    );
+    let text = mgw_reading(&["config", "check", "-"], "[[axis]]\naxis = 0\n[[bus]\n").failure(1);
+    for said in [
+        "line 2, axis 0: lacks stop_action; it takes coast, hold, brake",
+        "line 3, unclosed array table",
+        "line 3, bus: lacks its number",
+    ] {
+        assert!(text.contains(said), "{text}");
+    }
     mgw(&["config", "check", FOUR, "--merge"]).failure(2);
     let schema: Value = serde_json::from_str(&mgw(&["config", "schema"]).success()).unwrap();
     assert_eq!(schema["properties"]["axis"]["items"]["required"][0], "axis");

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::support::{Sim, file, mgw_reading};
+use crate::support::{Sim, file, mgw, mgw_reading};
 
 /// A simulator whose RMD on CAN is `left`, its thruster `prop`, their bus `arm_bus`, itself
 /// `arm-2_B`.
@@ -41,6 +41,7 @@ fn what_takes_a_number_takes_a_name() {
         &["scan", "arm_bus@1000000", "--listen", "0"],
         &["bus", "arm_bus"],
         &["state", "prop"],
+        &["state", "0x01"],
         &["config", "timeout", "left", "300"],
         &["config", "axis", "left", "velocity_limit_rad_s=5"],
         &["config", "unset", "axis", "left", "velocity_limit_rad_s"],
@@ -108,11 +109,16 @@ fn a_wrong_name_is_answered_with_what_there_is() {
             "nothing was stopped: no axis is called `Left`; there are: left (0), prop (1)",
         ),
         (&["raw", "left", "listen"], "no bus is called `left`; there are: arm_bus (0)"),
+        (&["arm", "arm-2_B"], "no axis is called `arm-2_B`; there are: left (0), prop (1)"),
         (&["arm", "0:1"], "takes a number from 0 to 255, or a name: letters, digits, - and _"),
         (&["clear", "2nd"], "must be the number or the name of an axis, or `gateway`"),
     ] {
         let text = sim.mgw(words).failure(2);
         assert!(text.contains(expected), "{words:?}: {text}");
+    }
+    for word in ["", "-1", "256", "2nd", "a b", "all", "gateway", "a:1"] {
+        let text = mgw(&["arm", word]).failure(2);
+        assert!(!text.contains("is called"), "{word}: {text}");
     }
     for (words, expected) in [
         (&["axis", "1", "name=left"][..], "axis 0 has the name that axis 1 is given"),

@@ -132,6 +132,8 @@ fn slips_of_the_pen_are_answered_with_what_is_allowed() {
     assert!(text.contains("--speed-limit"), "{text}");
     let text = sim.mgw(&["raw", "0", "send", "141"]).failure(2);
     assert!(text.contains("141#9A00000000000000"), "{text}");
+    let text = sim.mgw(&["raw", "x", "listen"]).failure(2);
+    assert!(text.contains("no bus is called `x`; no bus has a name; give its number"), "{text}");
 }
 
 #[test]
@@ -210,6 +212,18 @@ fn a_file_that_the_gateway_would_refuse_changes_nothing() {
     let path = &*file("refused.toml");
     for (text, name, said) in [
         (axis("signal_limit = 0.5\n"), "cannot_measure", "line 7, axis 0: "),
+        // One refusal hides no other.
+        (
+            axis("signal_limit = 0.5\nreturn_mode = 1\n"),
+            "configuration",
+            "line 8, axis 0: return_mode means something to thruster motors only",
+        ),
+        (
+            axis("").replace("bus = 0", "bus = 2").replace("rmd", "d5"),
+            "protocol_not_on_bus",
+            "line 4, axis 0: bus 2 is not configured for d5",
+        ),
+        (bus.replace("bus = 0", "bus = 9"), "unknown_bus", "line 2, bus 9: there is no bus 9"),
         (axis("").replace("rmd", "thruster"), "unsupported", "line 6, axis 0: "),
         (axis("").replace("node = 1", "node = 33"), "out_of_range", "allowed are 1 to 32"),
         (

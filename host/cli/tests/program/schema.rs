@@ -31,7 +31,12 @@ fn fits(schema: &Value, value: &Value) -> Result<(), String> {
         (schema.as_object().expect("a schema"), |what: &str| Err(format!("{what}: {value}")));
     for (keyword, wanted) in schema {
         match keyword.as_str() {
-            "$schema" | "$defs" | "title" | "description" | "properties" => {}
+            "$schema" | "$defs" | "title" | "description" | "properties" | "default" => {}
+            // What the parameters' own tests look at.
+            "pattern" | "not" | "minItems" => {}
+            "minimum" if value.as_f64() >= wanted.as_f64() || !value.is_number() => {}
+            "maximum" if value.as_f64() <= wanted.as_f64() || !value.is_number() => {}
+            "minimum" | "maximum" => return wrong(&format!("beyond {wanted}")),
             "$ref" => {
                 let path = wanted.as_str().and_then(|path| path.strip_prefix('#')).expect("local");
                 fits(SCHEMA.pointer(path).expect("defined"), value)?;
@@ -132,6 +137,22 @@ fn the_checker_finds_planted_faults() {
     let mut short = good.clone();
     short.as_object_mut().unwrap().remove("axis");
     assert!(fits(&SCHEMA, &short).unwrap_err().contains("axis is missing"));
+}
+
+/// The schema for editors is that of the examples, and of what is dumped.
+#[test]
+fn files_are_as_the_schema_of_their_keys_says() {
+    let schema: Value = serde_json::from_str(&mgw(&["config", "schema"]).success()).unwrap();
+    let sim = Sim::start();
+    let d5 = std::fs::read_to_string(FOUR.replace("four-motors", "d5-on-rs485")).unwrap();
+    for text in [std::fs::read_to_string(FOUR).unwrap(), d5, sim.mgw(&["config", "dump"]).success()]
+    {
+        let file: toml::Value = toml::from_str(&text).unwrap();
+        assert_eq!(fits(&schema, &json!(file)), Ok(()), "{text}");
+        let other = text.replacen("node = ", "nodes = ", 1);
+        let file: toml::Value = toml::from_str(&other).unwrap();
+        assert!(fits(&schema, &json!(file)).is_err(), "{other}");
+    }
 }
 
 #[test]
