@@ -30,6 +30,18 @@ const SAVE_DEADLINE: Duration = Duration::from_secs(20);
 const BUSY_TRIES: u32 = 5;
 const BUSY_PAUSE: Duration = Duration::from_millis(50);
 
+/// Asks for each page of a list: `ask` takes where it begins, and returns where the next one does.
+pub(crate) fn each_page<P: Copy + PartialOrd>(
+    mut first: P,
+    mut ask: impl FnMut(P) -> Result<Option<P>, ClientError>,
+) -> Result<(), ClientError> {
+    // A page that leads back would never end.
+    while let Some(next) = ask(first)?.filter(|next| *next > first) {
+        first = next;
+    }
+    Ok(())
+}
+
 /// What a request returns: its reply, or nothing where that is `Done`.
 macro_rules! returned {
     ($result:expr) => {
@@ -203,16 +215,14 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn axis_settings(&mut self, axis: u8) -> Result<(Vec<Setting>, MotorTimeout), ClientError> {
-        let (mut settings, mut first) = (Vec::new(), 0);
-        loop {
+        let (mut settings, mut motor_timeout) = (Vec::new(), MotorTimeout::Unknown);
+        each_page(0, |first| {
             let page = self.request(&ask::ReadAxisSettings { axis, first })?;
             settings.extend(page.settings);
-            match page.next {
-                // A page that leads back would never end.
-                Some(next) if next > first => first = next,
-                _ => return Ok((settings, page.motor_timeout)),
-            }
-        }
+            motor_timeout = page.motor_timeout;
+            Ok(page.next)
+        })?;
+        Ok((settings, motor_timeout))
     }
 
     /// The value in force of a parameter of the gateway.
@@ -233,13 +243,11 @@ impl<T: Transport> Client<T> {
     /// As [`request`](Self::request).
     pub fn incidents(&mut self) -> Result<Vec<Incident>, ClientError> {
         let mut incidents = Vec::new();
-        let mut next = Some(0);
-        while let Some(first) = next {
+        each_page(0, |first| {
             let page = self.request(&ask::ReadIncidents { first })?;
-            // A page that leads back would never end.
-            next = page.next.filter(|next| *next > first);
             incidents.extend(page.incidents);
-        }
+            Ok(page.next)
+        })?;
         Ok(incidents)
     }
 
@@ -284,16 +292,12 @@ impl<T: Transport> Client<T> {
     /// As [`request`](Self::request).
     pub fn list_axes(&mut self) -> Result<Vec<AxisSummary>, ClientError> {
         let mut axes = Vec::new();
-        let mut first = 0;
-        loop {
+        each_page(0, |first| {
             let page = self.request(&ask::ListAxes { first })?;
-            axes.extend(page.axes.iter().copied());
-            match page.next {
-                // A list that does not advance would never end.
-                Some(next) if next > first => first = next,
-                _ => return Ok(axes),
-            }
-        }
+            axes.extend(page.axes);
+            Ok(page.next)
+        })?;
+        Ok(axes)
     }
 
     /// The names of the gateway, its buses and its axes, in this order.
@@ -301,16 +305,13 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn names(&mut self) -> Result<Vec<Named>, ClientError> {
-        let (mut names, mut first) = (Vec::new(), Subject::Gateway);
-        loop {
+        let mut names = Vec::new();
+        each_page(Subject::Gateway, |first| {
             let page = self.request(&ask::ReadNames { first })?;
             names.extend(page.names);
-            match page.next {
-                // A list that does not advance would never end.
-                Some(next) if next > first => first = next,
-                _ => return Ok(names),
-            }
-        }
+            Ok(page.next)
+        })?;
+        Ok(names)
     }
 
     /// Programs the motor's own timeout; it stays in the motor.

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use host_protocol::{Call, Kind, MAX_FRAME, Named, Subject, requests as ask};
 
+use crate::commands::each_page;
 use crate::error::ClientError;
 use crate::inbox::Inbox;
 use crate::stopping::REPEAT_STOP_AFTER;
@@ -24,19 +25,16 @@ pub fn names_before_hello<T: Transport>(
     patience: Duration,
 ) -> Result<Vec<Named>, ClientError> {
     let (mut inbox, mut sequence) = (Inbox::new(), fastrand::u16(..));
-    let (mut names, mut first) = (Vec::new(), Subject::Gateway);
+    let mut names = Vec::new();
     let end = transport.now().saturating_add(patience);
-    loop {
+    each_page(Subject::Gateway, |first| {
         let page = page(transport, &mut inbox, sequence, first, end)?
             .ok_or(ClientError::NoAnswer { request: "ReadNames", after: patience })?;
         sequence = sequence.wrapping_add(1);
         names.extend(page.names);
-        match page.next {
-            // A list that does not advance would never end.
-            Some(next) if next > first => first = next,
-            _ => return Ok(names),
-        }
-    }
+        Ok(page.next)
+    })?;
+    Ok(names)
 }
 
 /// One part of the list; nothing if it is not told until `end`.
