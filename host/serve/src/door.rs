@@ -1,13 +1,16 @@
 //! Where programs come in: their connections are accepted, show their token, and are read.
 
-use std::io;
+use std::io::{self, Read};
+#[cfg(unix)]
+use std::os::fd::OwnedFd;
 use std::sync::mpsc::{Sender, channel, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use socket2::Socket;
 use subtle::ConstantTimeEq;
 
-use crate::shell::{Event, Listener, Newcomer, PROGRAMS, Stream, TICK, WAITING, nothing_came};
+use crate::shell::{Event, Listener, Newcomer, PROGRAMS, TICK, WAITING, nothing_came};
 
 /// Connections of one listener at a time: those that have a place, and some that come and go. More
 /// of them wait in the system, so that no crowd of them stands in front of what programs send.
@@ -55,20 +58,20 @@ pub(crate) fn accept(listener: &Listener, sender: &Sender<Event>) {
 }
 
 /// The next connection, and the token that it has to show.
-fn next(listener: &Listener) -> io::Result<(Stream, Option<String>)> {
+fn next(listener: &Listener) -> io::Result<(Socket, Option<String>)> {
     match listener {
         Listener::Tcp(listener, token) => {
             let (stream, _) = listener.accept()?;
             stream.set_nodelay(true)?;
-            Ok((Stream::Tcp(stream), token.clone()))
+            Ok((stream.into(), token.clone()))
         }
         #[cfg(unix)]
-        Listener::Unix(listener) => Ok((Stream::Unix(listener.accept()?.0), None)),
+        Listener::Unix(listener) => Ok((OwnedFd::from(listener.accept()?.0).into(), None)),
     }
 }
 
 /// What a connection has said by now; `None` where it has ended: no thread is made for it.
-fn said_by_now(stream: &mut Stream) -> Option<Vec<u8>> {
+fn said_by_now(stream: &mut Socket) -> Option<Vec<u8>> {
     let mut bytes = [0; READ];
     stream.set_nonblocking(true).ok()?;
     let said = match stream.read(&mut bytes) {
@@ -81,10 +84,10 @@ fn said_by_now(stream: &mut Stream) -> Option<Vec<u8>> {
 }
 
 /// Passes a program's bytes on, one piece at a time: who floods waits for the others.
-fn read_program(mut stream: Stream, said: Vec<u8>, token: Option<&str>, sender: &Sender<Event>) {
+fn read_program(mut stream: Socket, said: Vec<u8>, token: Option<&str>, sender: &Sender<Event>) {
     let proved = token.is_none_or(|token| shows(&mut stream, token));
     let (go, may_read) = sync_channel(1);
-    let Ok(ours) = stream.again() else { return };
+    let Ok(ours) = stream.try_clone() else { return };
     let mut is_first = said.is_empty();
     if sender.send(Event::Connected(Newcomer { stream: ours, proved, said, go })).is_err() {
         return;
@@ -113,13 +116,8 @@ fn begins_as_http(bytes: &[u8]) -> bool {
 }
 
 /// Whether a connection begins with the token.
-fn shows(stream: &mut Stream, token: &str) -> bool {
-    let timeout = |stream: &Stream, time| match stream {
-        Stream::Tcp(stream) => stream.set_read_timeout(time),
-        #[cfg(unix)]
-        Stream::Unix(stream) => stream.set_read_timeout(time),
-    };
-    let _ = timeout(stream, Some(TOKEN_WITHIN));
+fn shows(stream: &mut Socket, token: &str) -> bool {
+    let _ = stream.set_read_timeout(Some(TOKEN_WITHIN));
     let mut shown = Vec::new();
     let mut byte = [0];
     let end = Instant::now() + TOKEN_WITHIN;
@@ -130,7 +128,7 @@ fn shows(stream: &mut Stream, token: &str) -> bool {
     {
         shown.extend(byte);
     }
-    let _ = timeout(stream, None);
+    let _ = stream.set_read_timeout(None);
     let wanted = [TOKEN, token.as_bytes()].concat();
     bool::from(shown.as_slice().ct_eq(&wanted))
 }

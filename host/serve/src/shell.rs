@@ -5,14 +5,15 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{Shutdown, TcpListener};
 #[cfg(unix)]
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::UnixListener;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use mgw_client::Halves;
+use socket2::Socket;
 
 use crate::door::accept;
 use crate::multiplexer::{Multiplexer, News, ProgramId};
@@ -46,55 +47,6 @@ pub enum Listener {
     Unix(UnixListener),
 }
 
-/// The connection of a program.
-pub(crate) enum Stream {
-    Tcp(TcpStream),
-    #[cfg(unix)]
-    Unix(UnixStream),
-}
-
-impl Stream {
-    pub fn again(&self) -> io::Result<Self> {
-        match self {
-            Self::Tcp(stream) => stream.try_clone().map(Self::Tcp),
-            #[cfg(unix)]
-            Self::Unix(stream) => stream.try_clone().map(Self::Unix),
-        }
-    }
-
-    pub fn set_nonblocking(&self, nonblocking: bool) -> io::Result<()> {
-        match self {
-            Self::Tcp(stream) => stream.set_nonblocking(nonblocking),
-            #[cfg(unix)]
-            Self::Unix(stream) => stream.set_nonblocking(nonblocking),
-        }
-    }
-
-    fn end(&self) {
-        let _ = match self {
-            Self::Tcp(stream) => stream.shutdown(Shutdown::Both),
-            #[cfg(unix)]
-            Self::Unix(stream) => stream.shutdown(Shutdown::Both),
-        };
-    }
-
-    pub fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        match self {
-            Self::Tcp(stream) => stream.read(bytes),
-            #[cfg(unix)]
-            Self::Unix(stream) => stream.read(bytes),
-        }
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        match self {
-            Self::Tcp(stream) => stream.write_all(bytes),
-            #[cfg(unix)]
-            Self::Unix(stream) => stream.write_all(bytes),
-        }
-    }
-}
-
 /// What the threads tell.
 pub(crate) enum Event {
     /// A program has connected.
@@ -111,7 +63,7 @@ pub(crate) enum Event {
 
 /// A connection that has just been accepted.
 pub(crate) struct Newcomer {
-    pub stream: Stream,
+    pub stream: Socket,
     /// It has shown the token, or needs none.
     pub proved: bool,
     /// What it has said by now.
@@ -122,7 +74,7 @@ pub(crate) struct Newcomer {
 
 /// A program's connection, as the one thread knows it.
 struct Connection {
-    stream: Stream,
+    stream: Socket,
     go: SyncSender<ProgramId>,
     /// To the thread that writes, which begins with the first frame.
     frames: Option<Sender<Vec<u8>>>,
@@ -141,7 +93,7 @@ impl Connection {
     fn write(&mut self, id: ProgramId, frame: Vec<u8>, sender: &Sender<Event>) {
         if self.frames.is_none() {
             // Without descriptors it cannot be served: its reader finds the end.
-            let Ok(writer) = self.stream.again() else { return self.stream.end() };
+            let Ok(writer) = self.stream.try_clone() else { return end(&self.stream) };
             let (frames, to_write) = channel();
             let sender = sender.clone();
             thread::spawn(move || write_program(writer, id, &to_write, &sender));
@@ -154,18 +106,23 @@ impl Connection {
 }
 
 fn write_program(
-    mut writer: Stream,
+    mut writer: Socket,
     id: ProgramId,
     to_write: &Receiver<Vec<u8>>,
     sender: &Sender<Event>,
 ) {
     while let Ok(frame) = to_write.recv() {
-        let failed = writer.write(&frame).is_err();
+        let failed = writer.write_all(&frame).is_err();
         if sender.send(Event::Written(id)).is_err() || failed {
             return;
         }
     }
-    writer.end();
+    end(&writer);
+}
+
+/// Ends a connection, for who reads it here, too.
+fn end(stream: &Socket) {
+    let _ = stream.shutdown(Shutdown::Both);
 }
 
 /// Is given every frame of the cable at once; it must not wait for anything.
@@ -291,7 +248,7 @@ where
         let waiting = || self.connections.values().filter(|one| !one.asked);
         let unproved = waiting().filter(|one| !one.proved).count();
         if !proved && (waiting().count() >= WAITING || unproved >= UNPROVED) {
-            return stream.end();
+            return end(&stream);
         }
         let id = self.multiplexer.program_opened(now, proved);
         let _ = go.send(id);
@@ -348,7 +305,7 @@ where
             if self.multiplexer.in_command() == Some(id) {
                 (self.log)("the program in command has gone: whatever it had armed stops");
             }
-            connection.stream.end();
+            end(&connection.stream);
             self.multiplexer.program_closed(id);
         }
     }
