@@ -7,6 +7,8 @@ mod cycle;
 mod decode;
 mod delays;
 mod demonstration;
+#[cfg(unix)]
+mod device;
 mod doctor;
 mod encode;
 mod explain;

@@ -2,32 +2,23 @@
 //! this system, with a simulated gateway at its other end in wall-clock time. What a motor did is
 //! asserted by the simulator's clock.
 
-use std::cell::RefCell;
 use std::fs::File;
-use std::io::{ErrorKind, Read, Write};
-use std::rc::Rc;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::io::{Read, Write};
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 use host_protocol::Incident;
-use mgw_cli::run_on;
-use mgw_client::{Client, Interrupt};
-use mgw_sim::{MotorEvent, SimTransport, Wiring, World};
+use mgw_client::Client;
+use mgw_sim::{MotorEvent, SimTransport};
 use serialport::{SerialPort, TTYPort};
 
-use crate::support::{FOUR, Process, json, mgw};
+use crate::device::{Device, LINK, LOOK_EVERY, OTHER_LINK, read, simulated};
+use crate::support::{Process, json, mgw};
 
-/// The link of the device, and that by which the gateway is configured and asked.
-const LINK: u8 = 0;
-const CLEAN_LINK: u8 = 1;
 /// Up to this speed a motor counts as standing, unless configured otherwise.
 const STANDSTILL_RAD_S: f64 = 0.105;
 /// Of a thousand bytes so many arrive changed: one frame in ten or so.
 const CHANGED_OF_1000: u32 = 3;
-/// How long the thread waits for bytes.
-const LOOK_EVERY: Duration = Duration::from_millis(1);
 /// The most time that passes between two looks.
 const AT_ONCE: Duration = Duration::from_millis(20);
 /// So long that a machine that is busy with other things trips nothing: the rhythm of setpoints is
@@ -44,47 +35,8 @@ struct Seen {
     trips: usize,
 }
 
-/// A gateway behind a device.
-struct Device {
-    name: String,
-    ends: Arc<AtomicBool>,
-    server: JoinHandle<Seen>,
-}
-
-impl Device {
-    fn open() -> Self {
-        let (gateway_end, program_end) = TTYPort::pair().expect("a pseudo terminal");
-        let name = program_end.name().expect("it has a name");
-        // Kept open, or the device hangs up between two runs of the program; without the lock that
-        // keeps the program out.
-        let kept = File::options().read(true).write(true).open(&name).expect("it is there");
-        drop(program_end);
-        let ends = Arc::new(AtomicBool::new(false));
-        let until = ends.clone();
-        let server = std::thread::spawn(move || {
-            let seen = serve(gateway_end, &until);
-            drop(kept);
-            seen
-        });
-        Self { name, ends, server }
-    }
-
-    fn close(self) -> Seen {
-        self.ends.store(true, Ordering::Relaxed);
-        self.server.join().expect("the simulation goes on")
-    }
-}
-
-fn serve(mut device: TTYPort, until: &AtomicBool) -> Seen {
-    let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
-    for arguments in [&["config", "apply", FOUR][..]].iter().chain(&PATIENT) {
-        let transport = SimTransport::new(world.clone(), CLEAN_LINK);
-        assert_eq!(
-            run_on(Box::new(transport), Interrupt::default(), arguments).exit_code,
-            0,
-            "{arguments:?}"
-        );
-    }
+fn serve(mut device: TTYPort, until: &Receiver<()>) -> Seen {
+    let world = simulated(&PATIENT);
     let mut random = fastrand::Rng::with_seed(1);
     let mut spoil = |bytes: &mut [u8]| {
         for byte in bytes {
@@ -93,29 +45,22 @@ fn serve(mut device: TTYPort, until: &AtomicBool) -> Seen {
             }
         }
     };
-    device.set_timeout(LOOK_EVERY).expect("a timeout");
     let mut before = Instant::now();
-    while !until.load(Ordering::Relaxed) {
-        let mut buffer = [0; 512];
-        let count = match device.read(&mut buffer) {
-            Ok(count) => count,
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => 0,
-            Err(error) => panic!("{error}"),
-        };
-        let bytes = &mut buffer[..count];
-        spoil(bytes);
+    while until.try_recv() != Err(TryRecvError::Disconnected) {
+        let mut bytes = read(&mut device);
+        spoil(&mut bytes);
         // A busy machine slows the gateway down; it keeps nobody waiting meanwhile.
         let passed = before.elapsed().min(AT_ONCE);
         before = Instant::now();
         let mut world = world.borrow_mut();
         world.run_for(passed);
-        world.host_send(LINK, bytes);
+        world.host_send(LINK, &bytes);
         let mut answers = world.host_receive(LINK);
         spoil(&mut answers);
         device.write_all(&answers).expect("it is read");
     }
     let mut client =
-        Client::connect(SimTransport::new(world.clone(), CLEAN_LINK)).expect("a clean line");
+        Client::connect(SimTransport::new(world.clone(), OTHER_LINK)).expect("a clean line");
     let trips = client.incidents().expect("they are told");
     let trips =
         trips.iter().filter(|incident| matches!(incident, Incident::Tripped { .. })).count();
@@ -127,7 +72,7 @@ fn serve(mut device: TTYPort, until: &AtomicBool) -> Seen {
 
 #[test]
 fn a_motion_on_a_serial_line_with_errors_trips_nothing_and_ends_in_a_stop() {
-    let device = Device::open();
+    let device = Device::open(serve);
     let outcome = mgw(&["--port", &device.name, "set", "0", "velocity", "2", "--for", "1"]);
     let seen = device.close();
     outcome.success();
@@ -137,7 +82,7 @@ fn a_motion_on_a_serial_line_with_errors_trips_nothing_and_ends_in_a_stop() {
 
 #[test]
 fn ctrl_c_and_stop_on_a_serial_line_with_errors_stop_the_motor() {
-    let device = Device::open();
+    let device = Device::open(serve);
     let mut host = Process::start(&["--port", &device.name, "set", "0", "velocity", "2"]);
     // The first state that is active may be that of a motor that has only begun to turn.
     for _ in 0..2 {

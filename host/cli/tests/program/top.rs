@@ -1,36 +1,28 @@
 //! `mgw top` in a pseudo terminal, a simulated gateway at another one. What went over the buses is
 //! what the simulator says.
 
-use std::cell::RefCell;
 use std::fs::File;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::process::{Child, Stdio};
-use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use host_protocol::Setpoint;
-use mgw_cli::run_on;
-use mgw_client::{Client, Interrupt};
-use mgw_sim::{SimTransport, Wiring, World};
+use mgw_client::Client;
+use mgw_sim::SimTransport;
 use nix::fcntl::{FcntlArg, FdFlag, fcntl};
 use nix::pty::{Winsize, openpty};
 use nix::sys::signal::{self, Signal};
 use nix::sys::termios::{SetArg, Termios, tcgetattr, tcsetattr};
 use nix::sys::wait::{WaitPidFlag, WaitStatus, waitpid};
 use nix::unistd::Pid;
-use serialport::{SerialPort, TTYPort};
+use serialport::TTYPort;
 
-use crate::support::{FOUR, LIMIT, Process, Sim, command, mgw};
+use crate::device::{Device, LINK, LOOK_EVERY, OTHER_LINK, read, simulated};
+use crate::support::{LIMIT, Process, Sim, command, mgw};
 
-/// The link of the device, and that by which the gateway is configured and an axis moved.
-const LINK: u8 = 0;
-const OTHER_LINK: u8 = 1;
-/// How long threads wait for bytes.
-const LOOK_EVERY: Duration = Duration::from_millis(1);
 const WIDTH: u16 = 80;
 /// High enough for the events of four axes that are told at once.
 const HEIGHT: u16 = 40;
@@ -45,59 +37,22 @@ enum Ask {
     Frames(Sender<Vec<String>>),
 }
 
-/// A gateway behind a device.
-struct Device {
-    name: String,
-    asks: Option<Sender<Ask>>,
-    server: Option<JoinHandle<()>>,
-}
-
-impl Device {
-    fn open() -> Self {
-        let (gateway_end, program_end) = TTYPort::pair().expect("a pseudo terminal");
-        let name = program_end.name().expect("it has a name");
-        // Kept open, or the device hangs up with the program.
-        let kept = File::options().read(true).write(true).open(&name).expect("it is there");
-        drop(program_end);
-        let (asks, asked) = channel();
-        let server = std::thread::spawn(move || {
-            serve(gateway_end, &asked);
-            drop(kept);
-        });
-        Self { name, asks: Some(asks), server: Some(server) }
-    }
-
-    fn ask(&self, ask: Ask) {
-        self.asks.as_ref().expect("it runs").send(ask).expect("it runs");
-    }
-
-    fn frames(&self) -> Vec<String> {
-        let (told, heard) = channel();
-        self.ask(Ask::Frames(told));
-        heard.recv_timeout(LIMIT).expect("it runs")
-    }
-}
-
-impl Drop for Device {
-    fn drop(&mut self) {
-        drop(self.asks.take());
-        let _ = self.server.take().map(JoinHandle::join);
-    }
+/// The frames that have been on the buses since the last time.
+fn frames(device: &Device<Ask, ()>) -> Vec<String> {
+    let (told, heard) = channel();
+    device.ask(Ask::Frames(told));
+    heard.recv_timeout(LIMIT).expect("it runs")
 }
 
 fn serve(mut device: TTYPort, asked: &Receiver<Ask>) {
-    let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
-    let other = |world: &Rc<RefCell<World>>| SimTransport::new(world.clone(), OTHER_LINK);
-    let configured = ["config", "apply", FOUR];
-    let outcome = run_on(Box::new(other(&world)), Interrupt::default(), &configured);
-    assert_eq!(outcome.exit_code, 0, "{outcome:?}");
-    device.set_timeout(LOOK_EVERY).expect("a timeout");
+    let world = simulated(&[]);
     let (begin, start) = (world.borrow().now(), Instant::now());
     let (mut frames, mut mute) = (Vec::new(), false);
     loop {
         match asked.try_recv() {
             Ok(Ask::Move) => {
-                let mut client = Client::connect(other(&world)).expect("it answers");
+                let mut client = Client::connect(SimTransport::new(world.clone(), OTHER_LINK))
+                    .expect("it answers");
                 let epoch = client.arm(0).expect("it arms").epoch;
                 let setpoint = Setpoint::Velocity { velocity_rad_s: 2.0 };
                 let ttl = client.axis_ttl(0).expect("it has one") / 2;
@@ -108,15 +63,10 @@ fn serve(mut device: TTYPort, asked: &Receiver<Ask>) {
             Err(TryRecvError::Empty) => {}
             Err(TryRecvError::Disconnected) => return,
         }
-        let mut buffer = [0; 512];
-        let count = match device.read(&mut buffer) {
-            Ok(count) => count,
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => 0,
-            Err(error) => panic!("{error}"),
-        };
+        let bytes = read(&mut device);
         let elapsed = u64::try_from(start.elapsed().as_micros()).expect("not so long");
         let mut world = world.borrow_mut();
-        world.host_send(LINK, &buffer[..count]);
+        world.host_send(LINK, &bytes);
         world.run_until(begin + gateway::Duration::from_micros(elapsed));
         let answers = world.host_receive(LINK);
         if !mute {
@@ -305,7 +255,7 @@ impl Drop for Top {
 
 #[test]
 fn it_ends_without_a_panic_when_its_terminal_goes_away() {
-    let device = Device::open();
+    let device = Device::open(serve);
     let top = Top::start(&device.name);
     top.wait_for("an axis", |screen| screen.contains(">   0"));
     let code = top.hang_up();
@@ -314,14 +264,14 @@ fn it_ends_without_a_panic_when_its_terminal_goes_away() {
 
 #[test]
 fn an_axis_that_trips_is_shown_and_the_stop_key_stops_everything() {
-    let device = Device::open();
+    let device = Device::open(serve);
     let mut top = Top::start(&device.name);
     top.wait_for("all axes", |screen| {
         [">   0", "    1", "    2", "    3"].iter().all(|axis| screen.contains(axis))
             && screen.contains("bit/s")
     });
     // Without a key it only asks.
-    let sent = device.frames();
+    let sent = frames(&device);
     let stops = |frames: &[String]| {
         frames.iter().filter(|frame| frame.contains("141#81") || frame.contains("141#A2")).count()
     };
@@ -346,13 +296,13 @@ fn an_axis_that_trips_is_shown_and_the_stop_key_stops_everything() {
     top.wait_for("cleared", |screen| {
         screen.contains("axis 0 is cleared") && !screen.contains("TRIPPED")
     });
-    device.frames();
+    frames(&device);
     top.press(" ");
     top.wait_for("confirmed", |screen| {
         (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
     });
     // RMD V3.6 §2.16 on CAN and on RS485, the thruster's TC 0, the D5's speed 0.
-    let sent = device.frames();
+    let sent = frames(&device);
     for stop in [
         "0 141#8100000000000000",
         "0 30B#5443000000000000",
@@ -367,18 +317,18 @@ fn an_axis_that_trips_is_shown_and_the_stop_key_stops_everything() {
 
 #[test]
 fn the_stop_key_waits_for_no_answer() {
-    let device = Device::open();
+    let device = Device::open(serve);
     let mut top = Top::start(&device.name);
     top.wait_for("the axes", |screen| screen.contains(">   0"));
     device.ask(Ask::Mute(true));
-    device.frames();
+    frames(&device);
     // Whatever it has asked stays unanswered.
     top.press(" ");
     let end = Instant::now() + LIMIT;
     let mut sent = Vec::new();
     while !sent.iter().any(|frame| frame == "0 141#8100000000000000") {
         assert!(Instant::now() < end, "no stop: {sent:?}\n{}", top.screen());
-        sent.extend(device.frames());
+        sent.extend(frames(&device));
         std::thread::sleep(LOOK_EVERY);
     }
     top.wait_for("kept", |screen| screen.contains("the stop is sent again until it is answered"));
@@ -392,7 +342,7 @@ fn the_stop_key_waits_for_no_answer() {
 
 #[test]
 fn a_signal_ends_it_and_gives_the_terminal_back() {
-    let device = Device::open();
+    let device = Device::open(serve);
     for signal in [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP] {
         let top = Top::start(&device.name);
         top.wait_for("the axes", |screen| screen.contains(">   0"));
@@ -407,7 +357,7 @@ fn a_signal_ends_it_and_gives_the_terminal_back() {
 
 #[test]
 fn after_a_suspension_the_terminal_is_taken_again_and_the_stop_key_stops() {
-    let device = Device::open();
+    let device = Device::open(serve);
     for suspended in [Signal::SIGTSTP, Signal::SIGSTOP] {
         let mut top = Top::start(&device.name);
         top.wait_for("the axes", |screen| screen.contains(">   0"));
@@ -425,7 +375,7 @@ fn after_a_suspension_the_terminal_is_taken_again_and_the_stop_key_stops() {
             assert!(Instant::now() < end, "{suspended}: keys wait for Enter");
             std::thread::sleep(LOOK_EVERY);
         }
-        device.frames();
+        frames(&device);
         top.press(" ");
         top.wait_for("confirmed", |screen| {
             (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
