@@ -27,21 +27,29 @@ impl Protocols {
     }
 }
 
+/// Those bits of a word that the motor's manual lists, lowest first: their names and, of an RMD, how
+/// they end.
+fn listed(protocol: Protocol, word: u16) -> Vec<(u16, &'static str, Option<FaultLevel>)> {
+    match protocol {
+        Protocol::Rmd => rmd::Faults::from_bits_retain(word)
+            .infos()
+            .map(|info| (info.fault.bits(), info.name, Some(info.level)))
+            .collect(),
+        Protocol::Thruster => thruster::Faults::from_bits_retain(word)
+            .infos()
+            .map(|info| (info.fault.bits(), info.name, None))
+            .collect(),
+        Protocol::D5 => d5::Faults::from_bits_retain(word.to_le_bytes()[0])
+            .infos()
+            .map(|info| (info.fault.bits().into(), info.name, None))
+            .collect(),
+    }
+}
+
 /// The names of those bits that the motor's manual lists, lowest bit first.
 pub fn names(protocol: Option<Protocol>, word: u16) -> Vec<&'static str> {
-    match protocol {
-        Some(Protocol::Rmd) => {
-            rmd::Faults::from_bits_retain(word).infos().map(|info| info.name).collect()
-        }
-        Some(Protocol::Thruster) => {
-            thruster::Faults::from_bits_retain(word).infos().map(|info| info.name).collect()
-        }
-        Some(Protocol::D5) => d5::Faults::from_bits_retain(word.to_le_bytes()[0])
-            .infos()
-            .map(|info| info.name)
-            .collect(),
-        None => Vec::new(),
-    }
+    let listed = protocol.into_iter().flat_map(|protocol| listed(protocol, word));
+    listed.map(|(_, name, _)| name).collect()
 }
 
 /// A fault word for people: `stall, under voltage (0x0006)`, or only the word.
@@ -57,21 +65,12 @@ pub fn in_words(protocol: Option<Protocol>, word: u16) -> String {
 pub fn explain(axis: u8, protocol: Protocol, word: u16) -> Vec<String> {
     let line =
         |bits: u16, name: &str, more: &str| format!("axis {axis}: {name} ({bits:#06x}){more}");
-    let mut lines: Vec<String> = match protocol {
-        Protocol::Rmd => rmd::Faults::from_bits_retain(word)
-            .infos()
-            .map(|info| line(info.fault.bits(), info.name, &rmd_end(axis, info.level)))
-            .collect(),
-        Protocol::Thruster => thruster::Faults::from_bits_retain(word)
-            .infos()
-            .map(|info| line(info.fault.bits(), info.name, ""))
-            .collect(),
-        Protocol::D5 => d5::Faults::from_bits_retain(word.to_le_bytes()[0])
-            .infos()
-            .map(|info| line(u16::from(info.fault.bits()), info.name, ""))
-            .collect(),
-    };
-    let unlisted = word & !listed(protocol);
+    let listed = listed(protocol, word);
+    let known = listed.iter().map(|(bits, name, level)| {
+        line(*bits, name, &level.map_or(String::new(), |level| rmd_end(axis, level)))
+    });
+    let mut lines: Vec<String> = known.collect();
+    let unlisted = listed.iter().fold(word, |left, (bits, ..)| left & !bits);
     if unlisted != 0 {
         lines.push(line(unlisted, "a fault that the manual does not list", ""));
     }
@@ -90,16 +89,6 @@ fn rmd_end(axis: u8, level: FaultLevel) -> String {
             ": the motor's light flashes fast until the motor restarts; remove the cause, then \
                 `mgw clear {axis} --restart`"
         ),
-    }
-}
-
-fn listed(protocol: Protocol) -> u16 {
-    match protocol {
-        Protocol::Rmd => rmd::FAULTS.iter().fold(0, |bits, info| bits | info.fault.bits()),
-        Protocol::Thruster => {
-            thruster::FAULTS.iter().fold(0, |bits, info| bits | info.fault.bits())
-        }
-        Protocol::D5 => d5::FAULTS.iter().fold(0, |bits, info| bits | u16::from(info.fault.bits())),
     }
 }
 
