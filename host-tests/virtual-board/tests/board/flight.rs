@@ -10,7 +10,7 @@ use flight_recorder::Recording;
 use host_protocol::{
     AxisParameter, CanFrame, ClearTarget, Error, Setpoint, StopTarget, TripReason, Value,
 };
-use mgw_cli::flight::{Replayed, play};
+use mgw_cli::flight::{Replayed, play, told};
 use mgw_client::{Client, ClientError};
 use mgw_sim::{Injection, Turning};
 use virtual_board::board::Board;
@@ -83,18 +83,9 @@ fn found_again(lab: &mut Lab) -> (u8, TripReason) {
     let (axis, recorded) = replayed.recorded.expect("a trip");
     let (from, to) = replayed.span_us;
     assert!(from < recorded.time_us && recorded.time_us < to, "{replayed:?}");
-    let told = lab.report(axis).trip.map(|trip| (without_word(trip.reason), trip.time_us));
-    assert_eq!(told, Some((without_word(recorded.reason), recorded.time_us)));
+    assert_eq!(lab.report(axis).trip.map(told), Some(told(recorded)));
     replayed_on_image(&file);
     (axis, recorded.reason)
-}
-
-/// The fault word of a motor that has refused a command may have been read since.
-fn without_word(reason: TripReason) -> TripReason {
-    match reason {
-        TripReason::CommandRefused { .. } => TripReason::CommandRefused { faults: None },
-        other => other,
-    }
 }
 
 fn inject(axis: u8, injection: Injection) -> impl FnOnce(&mut Lab) {

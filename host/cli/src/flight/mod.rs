@@ -52,7 +52,7 @@ impl Replayed {
 
 /// What a trip is, without what its stop has made of it since: the fault word of a motor that has
 /// refused a command is read behind it.
-fn told(trip: Trip) -> (TripReason, u64) {
+pub fn told(trip: Trip) -> (TripReason, u64) {
     let reason = match trip.reason {
         TripReason::CommandRefused { .. } => TripReason::CommandRefused { faults: None },
         reason => reason,
