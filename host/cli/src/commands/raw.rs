@@ -70,11 +70,7 @@ fn listen(session: &mut Session, bus: u8, duration: Duration) -> Result<(), Fail
 
 fn print(session: &Session, bus: u8, received: &ReceivedFrame) -> Result<(), Failure> {
     let ReceivedFrame { time_us, frame } = received;
-    let kind = match frame {
-        RawFrame::Can(_) => "can",
-        RawFrame::Serial(_) => "serial",
-    };
-    let frame = json::frame(frame);
+    let (kind, frame) = (json::kind(frame), json::frame(frame));
     let (seconds, rest) = (time_us / MICROSECONDS_PER_SECOND, time_us % MICROSECONDS_PER_SECOND);
     session.out.event(
         "frame",

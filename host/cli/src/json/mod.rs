@@ -101,11 +101,15 @@ pub fn event(message: &EventMessage, motors: &Protocols) -> Value {
 
 /// A raw frame of a bus, and of which kind that is.
 pub fn raw_frame(bus: u8, raw: &RawFrame) -> Value {
-    let kind = match raw {
+    json!({ "bus": bus, "kind": kind(raw), "frame": frame(raw) })
+}
+
+/// What carries a raw frame.
+pub fn kind(raw: &RawFrame) -> &'static str {
+    match raw {
         RawFrame::Can(_) => "can",
         RawFrame::Serial(_) => "serial",
-    };
-    json!({ "bus": bus, "kind": kind, "frame": frame(raw) })
+    }
 }
 
 /// A raw frame as `mgw decode` reads it: `141#9A00000000000000`, or the bytes of a serial line.

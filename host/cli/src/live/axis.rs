@@ -14,12 +14,8 @@ pub struct Axis {
     pub number: u8,
     /// Its name.
     pub name: Option<String>,
-    /// Its bus, once configured.
-    pub bus: Option<u8>,
     /// What its motor speaks.
     pub protocol: Option<Protocol>,
-    /// Its motor's id on that bus.
-    pub node: Option<u8>,
     /// Its state.
     pub state: AxisState,
     /// Why it tripped, while it is tripped and that is known.
@@ -33,9 +29,7 @@ impl Axis {
         Self {
             number: summary.axis,
             name: None,
-            bus: summary.bus,
             protocol: summary.protocol,
-            node: summary.node,
             state: summary.state,
             trip: None,
             sample: None,
@@ -44,7 +38,7 @@ impl Axis {
 
     /// As it is listed now.
     pub fn list(&mut self, summary: &AxisSummary) {
-        (self.bus, self.protocol, self.node) = (summary.bus, summary.protocol, summary.node);
+        self.protocol = summary.protocol;
         self.set_state(summary.state);
     }
 

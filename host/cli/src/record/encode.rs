@@ -174,8 +174,7 @@ impl Encoder {
         time_us: Option<u64>,
         direction: &str,
     ) -> Message {
-        let value = json::line("frame", json::raw_frame(bus, frame));
-        let mut value = value;
+        let mut value = json::line("frame", json::raw_frame(bus, frame));
         value["direction"] = json!(direction);
         self.message(format!("/frame/{bus}"), Schema::Frame, at, time_us, value)
     }

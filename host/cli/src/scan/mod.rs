@@ -410,17 +410,14 @@ fn one(
     let grown =
         |of: fn(&host_protocol::replies::BusReport) -> u32| of(&after).saturating_sub(of(&before));
     Ok(Scanned {
-        bus,
-        kind,
         bitrate: Some(bitrate),
         protocols,
         unacknowledged: !acknowledged,
-        not_asked: None,
-        left_out: Vec::new(),
         lost,
         unreadable: grown(|report| report.counters.rejected)
             .saturating_add(grown(|report| report.receive_errors.into())),
         motors: found,
+        ..Scanned::not_configured(bus, kind)
     })
 }
 

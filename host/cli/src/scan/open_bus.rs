@@ -47,9 +47,7 @@ impl<'a> OpenBus<'a> {
     /// Opens it. Refused while an axis on it is not idle.
     pub fn open(session: &'a mut Session, bus: u8, window: Duration) -> Result<Self, Failure> {
         session.client.raw_open(bus)?;
-        // Two frames may wait in the gateway, on a line each for the answer to the one before.
-        let answer_within = ANSWER_WITHIN.max(window * 3);
-        Ok(Self { session, bus, unseen: 0, answer_within, lost: 0 })
+        Ok(Self::opened(session, bus, window))
     }
 
     /// Runs a bus without axes otherwise than it is configured, until it is closed.
@@ -61,8 +59,13 @@ impl<'a> OpenBus<'a> {
     ) -> Result<Self, Failure> {
         let BusConfig { bitrate, protocols, reply_window_us, .. } = *config;
         session.client.raw_open_at(bus, bitrate, protocols, reply_window_us, mode)?;
-        let window = Duration::from_micros(reply_window_us.into());
-        Ok(Self { session, bus, unseen: 0, answer_within: ANSWER_WITHIN.max(window * 3), lost: 0 })
+        Ok(Self::opened(session, bus, Duration::from_micros(reply_window_us.into())))
+    }
+
+    fn opened(session: &'a mut Session, bus: u8, window: Duration) -> Self {
+        // Two frames may wait in the gateway, on a line each for the answer to the one before.
+        let answer_within = ANSWER_WITHIN.max(window * 3);
+        Self { session, bus, unseen: 0, answer_within, lost: 0 }
     }
 
     /// How it is.
