@@ -268,5 +268,8 @@ impl Drop for Controller {
         // Two controllers share one clock gate: with the other one running this one would go on.
         self.registers.ie().write_value(pac::can::regs::Ie(0));
         self.leave_bus();
+        // Nor would the next start, which resets the block only where the other one does not run, end
+        // its restricted operation.
+        self.registers.cccr().modify(|w| w.set_asm(false));
     }
 }

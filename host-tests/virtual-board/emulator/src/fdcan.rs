@@ -19,7 +19,8 @@
 //! | transmission | dedicated buffers, FIFO or queue, DAR, TXP, cancellation, event FIFO |
 //! | errors | TEC, REC, CEL, LEC, warning, passive, bus-off; no acknowledgement: passive, never bus-off |
 //! | bus-off | INIT set, requests stay pending; back after INIT is cleared and 129 × 11 recessive bits |
-//! | not modelled, and told | CAN FD, TTCAN, test modes, restricted operation, timeout counter, RAM watchdog, external timestamps, debug messages |
+//! | restricted operation | after a sender's failed access to the message RAM, until ASM is cleared or the block is reset: it receives and acknowledges, sends neither frames nor error flags |
+//! | not modelled, and told | CAN FD, TTCAN, test modes, timeout counter, RAM watchdog, external timestamps, debug messages |
 //!
 //! Choices where no source says: INIT, TXBAR and TXBCR act at once instead of after a few clocks;
 //! TEC stays at its last value when the controller goes bus-off; a cancellation while INIT is set
@@ -108,6 +109,12 @@ impl Fdcan {
     /// How the controller is wired to the bus.
     pub fn set_wiring(&mut self, wiring: Wiring) {
         self.wire.set_wiring(wiring);
+    }
+
+    /// An access of its sender to the message RAM fails, as it may when the RAM is busy for too
+    /// long: MRAF, and restricted operation.
+    pub fn fail_message_ram(&mut self) {
+        self.controller.restrict();
     }
 
     /// Every frame that was on the line since the last [`Fdcan::take_log`], failed ones too; at

@@ -3,18 +3,18 @@
 
 use std::time::Duration;
 
-use host_protocol::{AxisParameter, Bytes, Value};
+use host_protocol::{AxisParameter, BusState, Bytes, TripReason, Value};
 use rigless::device::Level;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
 use virtual_board::board::Board;
-use virtual_board::machine::{Fault, Machine, Place};
+use virtual_board::machine::{CanPort, Fault, Machine, Place};
 use virtual_board::nodes::instant;
 use virtual_board::usual;
 use virtual_stm32::fdcan::Wiring;
 
 use crate::bench::{Bench, data_frame};
-use crate::lab::{Lab, RMD, RMD_RS485};
+use crate::lab::{AXES, BUS_RMD_AND_THRUSTER, D5, Lab, RMD, RMD_RS485, THRUSTER, trips};
 
 /// More than the start takes, USB included.
 pub const START: Duration = Duration::from_millis(60);
@@ -127,6 +127,26 @@ fn a_bus_that_was_off_stays_away_for_129_times_11_bits_whatever_the_other_does()
         let away = bench.machine.borrow().now() - at;
         assert!(away >= Duration::from_secs_f64(129.0 * 11.0 / f64::from(slow)), "{away:?}");
     }
+}
+
+/// A controller whose sender could not reach the message RAM in time sends nothing until ASM is
+/// cleared. While another one runs, the start of this one resets no block.
+#[test]
+fn a_controller_in_restricted_operation_is_back_after_the_pause_and_sends_its_stop() {
+    let mut lab = Lab::configured();
+    let holds = lab.moving(&AXES);
+    lab.events();
+    let at = lab.now();
+    lab.machine.borrow_mut().can_mut(CanPort::Bus0).fail_message_ram();
+    lab.keep(&holds, Duration::from_secs(1));
+    assert_eq!(trips(&lab.events()), [RMD, THRUSTER].map(|axis| (axis, TripReason::BusOff)));
+    let status = lab.client.bus_status(BUS_RMD_AND_THRUSTER).expect("status");
+    assert_eq!((status.state, status.counters.bus_offs), (BusState::Active, 1));
+    for axis in [RMD, THRUSTER] {
+        assert_eq!(lab.trip(axis), Some((TripReason::BusOff, true)), "axis {axis}");
+        lab.assert_stopped_by_gateway(axis, at);
+    }
+    lab.assert_turning(D5);
 }
 
 /// What looks at the configuration of an axis: at a start only where there is one.

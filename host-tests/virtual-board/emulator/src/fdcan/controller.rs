@@ -14,7 +14,7 @@ use super::BitTime;
 use super::errors::Errors;
 use super::event_fifo::EventFifo;
 use super::interrupts::Interrupts;
-use super::registers::{cccr, field, reset};
+use super::registers::{cccr, field, ir, reset};
 use super::rx::Receiver;
 use super::timestamp::Timestamp;
 use super::tx::Transmitter;
@@ -158,9 +158,20 @@ impl Controller {
         self.is_on() && !self.is_set(cccr::MON)
     }
 
+    /// Whether it may send: not in restricted operation.
+    pub fn may_send(&self) -> bool {
+        self.acknowledges() && !self.is_set(cccr::ASM)
+    }
+
     /// Whether its error flags destroy frames.
     pub fn is_error_active(&self) -> bool {
-        self.acknowledges() && !self.kept.errors.passive()
+        self.may_send() && !self.kept.errors.passive()
+    }
+
+    /// Its sender has failed to reach the message RAM.
+    pub fn restrict(&mut self) {
+        self.kept.cccr |= cccr::ASM;
+        self.kept.interrupts.raise(ir::MRAF);
     }
 
     /// The levels of its interrupt lines.

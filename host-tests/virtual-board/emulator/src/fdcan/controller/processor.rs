@@ -212,7 +212,6 @@ impl Controller {
         new |= value & cccr::SET_PROTECTED & if configurable { u32::MAX } else { old };
         for (bits, reason) in [
             (cccr::FDOE | cccr::BRSE | cccr::NISO, "CAN FD is not modelled"),
-            (cccr::ASM, "restricted operation is not modelled"),
             (cccr::TEST, "test modes are not modelled"),
         ] {
             if new & !old & bits != 0 {

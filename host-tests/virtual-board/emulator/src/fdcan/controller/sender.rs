@@ -17,11 +17,11 @@ const TRANSMIT_PAUSE_BITS: u64 = 2;
 impl Controller {
     /// The frame that it wants to send next, its buffer, and since when it may.
     pub fn candidate(&mut self, now: VirtualNanos) -> Option<(usize, Outgoing, VirtualNanos)> {
-        if !self.acknowledges() || self.kept.sending.is_some() {
+        if !self.may_send() || self.kept.sending.is_some() {
             return None;
         }
         let Ok(chosen) = self.kept.transmitter.choose(&self.ram) else {
-            self.kept.interrupts.raise(ir::MRAF);
+            self.restrict();
             return None;
         };
         let Some((index, outgoing)) = chosen else {

@@ -96,7 +96,7 @@ fn cce_clears_requests_and_states_and_keeps_the_configuration() {
 fn what_is_not_modelled_is_told() {
     let mut bench = Bench::new();
     bench.write(Register::FdcanCccr, 0x0000_0003);
-    bench.write(Register::FdcanCccr, 0x0000_0187); // FDOE, TEST, ASM
+    bench.write(Register::FdcanCccr, 0x0000_0183); // FDOE, TEST
     bench.write(Register::FdcanTest, 0x0000_0010); // LBCK
     bench.write(Register::FdcanTscc, 0x0000_0002);
     bench.write(Register::FdcanTocc, 0x0000_0001);
@@ -104,7 +104,6 @@ fn what_is_not_modelled_is_told() {
     bench.write(Register::FdcanTtocf, 0x0000_0001);
     let expected = [
         ("CCCR", "CAN FD is not modelled"),
-        ("CCCR", "restricted operation is not modelled"),
         ("CCCR", "test modes are not modelled"),
         ("TEST", "test modes are not modelled"),
         ("TSCC", "the external timestamp counter is not modelled"),

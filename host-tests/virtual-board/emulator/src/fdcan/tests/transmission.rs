@@ -233,3 +233,27 @@ fn a_monitoring_controller_neither_sends_nor_acknowledges() {
     assert_eq!(bench.node(node).outcomes(), [false, true]);
     assert_eq!(bench.read(Register::FdcanRxf0s) & 0x7F, 1, "it still listens");
 }
+
+#[test]
+fn in_restricted_operation_it_receives_and_acknowledges_and_sends_nothing_until_asm_is_cleared() {
+    let mut bench = Bench::on_bus(MBIT, QUEUE_OF_3);
+    bench.fdcan().fail_message_ram();
+    assert_eq!(bench.read(Register::FdcanCccr) & 4, 4, "ASM");
+    assert_eq!(bench.read(Register::FdcanIr) & 0x0002_0000, 0x0002_0000, "MRAF");
+    bench.send(0, &standard(0x001, &[]));
+    let node = bench.attach(&[short_frame()]);
+    bench.run_for(200 * MICROSECOND);
+    assert_eq!(bench.node(node).outcomes(), [true]);
+    assert_eq!(bench.read(Register::FdcanRxf0s) & 0x7F, 1);
+    assert_eq!(bench.log(), [(0x123, FrameEnd::Delivered)]);
+    // INIT and CCE do not clear it.
+    for value in [5, 7, 4] {
+        bench.write(Register::FdcanCccr, value);
+    }
+    bench.send(0, &standard(0x001, &[]));
+    bench.run_for(200 * MICROSECOND);
+    assert_eq!(bench.log(), [(0x123, FrameEnd::Delivered)]);
+    bench.write(Register::FdcanCccr, 0);
+    bench.run_for(200 * MICROSECOND);
+    assert_eq!(bench.log(), [(0x123, FrameEnd::Delivered), (0x001, FrameEnd::Delivered)]);
+}
