@@ -3,7 +3,9 @@
 
 use crate::bench::{self, VELOCITY, arm_axis, e_stop, keep_moving};
 use crate::rig::{Instead, Rig};
-use host_protocol::{AxisParameter, Protocol, ProtocolSet, Request, StopAction, Value, requests};
+use host_protocol::{
+    AxisParameter, AxisState, Protocol, ProtocolSet, Request, StopAction, Value, requests,
+};
 
 #[test]
 fn slow_brakes_do_not_starve_the_motion_of_another_axis() {
@@ -134,4 +136,31 @@ fn no_more_than_four_replies_are_outstanding_on_a_bus_that_thrusters_share() {
     assert_eq!(questions(&rig), 4);
     rig.run(5_000); // the windows have closed
     assert!(questions(&rig) > 4);
+}
+
+/// On a line nothing leaves while an answer may come, so stops without a pause would take all of it
+/// until the motor is given up.
+#[test]
+fn a_motor_that_misses_its_stops_leaves_the_line_to_the_others_in_turn() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    bench::provision(&mut rig, 60).unwrap();
+    for axis in [1, 2] {
+        bench::configure_axis(&mut rig, axis, 2, Protocol::Rmd, axis + 1, StopAction::Hold);
+    }
+    let moving = [0, 1, 2].map(|axis| (axis, arm_axis(&mut rig, axis)));
+    keep_moving(&mut rig, &moving, VELOCITY, 100_000);
+    let since = rig.now_us;
+    rig.instead(|text| match text.get(..4) {
+        Some("3E02" | "3E03") => Instead::Nothing,
+        _ => Instead::AsUsual,
+    });
+    keep_moving(&mut rig, &moving[..1], VELOCITY, 300_000);
+    for axis in [1, 2] {
+        assert_eq!(bench::listed(&mut rig, axis), AxisState::Tripped { confirmed: false });
+    }
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Active);
+    let gap = rig.longest_gap_us(2, since, "3E01");
+    assert!(gap <= 35_000, "{gap} µs in which the motor has heard nothing");
+    let stops = rig.sent_since(2, since).into_iter().filter(|text| text.starts_with("3E020881"));
+    assert!(stops.count() >= 10);
 }

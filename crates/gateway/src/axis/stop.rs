@@ -200,6 +200,12 @@ impl Stop {
         self.step().is_none()
     }
 
+    /// The next stop command goes before all that is no stop: not where several were missed, unless
+    /// a host has asked for it.
+    pub fn is_urgent(&self) -> bool {
+        self.owed_at.is_some() || self.unconfirmed < STOPS_AT_LEAST
+    }
+
     fn is_resting(&self) -> bool {
         matches!(self.backoff, Backoff::Silence { then: Then::First | Then::Second, .. })
     }

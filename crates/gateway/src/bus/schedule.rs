@@ -3,7 +3,7 @@
 
 use super::{Bus, InFlight};
 use crate::axes::Axes;
-use crate::axis::{Axis, Is, Priority, Request};
+use crate::axis::{Axis, Is, Priority, Request, Stop};
 use crate::protocol;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
@@ -83,7 +83,10 @@ impl Bus {
             }) {
                 continue;
             }
-            let Some(want) = axis.next_request(now) else { continue };
+            let Some(mut want) = axis.next_request(now) else { continue };
+            if want.priority == Priority::Stop && self.takes_its_turn(axis, stops) {
+                want.priority = Priority::Ordinary;
+            }
             let precedence = self.precedence(axis, &want, stops);
             if best.as_ref().is_some_and(|(.., chosen)| precedence >= *chosen)
                 || axis.command_for(want.exchange).is_none()
@@ -116,6 +119,13 @@ impl Bus {
             }
         }
         best.map(|(index, want, _)| (index, want))
+    }
+
+    /// Whether a stop that is sent again goes as everything else does: on a line, where a motor that
+    /// misses its stops must not keep the others from hearing anything.
+    fn takes_its_turn(&self, axis: &Axis, stops: Stops) -> bool {
+        let is_urgent = axis.stop().is_some_and(Stop::is_urgent);
+        self.kind() == BusKind::Rs485 && stops == Stops::Sent && !is_urgent
     }
 
     /// Where there is no stop: one after the other, what somebody only watches last.
