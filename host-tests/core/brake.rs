@@ -6,7 +6,7 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Request, StopAction, StopTarget,
+    AxisParameter, AxisState, Error, Event as HostEvent, Quantity, Request, StopAction, StopTarget,
     TripReason, Value, requests,
 };
 
@@ -296,4 +296,42 @@ fn a_brake_that_is_not_seen_to_lock_is_followed_by_the_stop_in_less_than_200_ms(
         run_with_host(&mut rig, 200_000);
         assert!(rig.sent_since(0, since).contains(&HOLD));
     }
+}
+
+/// The brake takes up to 150 ms, and its window 300: the motor hears nothing meanwhile, and its own
+/// timeout would leave an open brake and no output.
+#[test]
+fn a_timeout_that_would_act_while_the_brake_opens_is_refused() {
+    let (mut rig, _) = bench::rmd(StopAction::Brake);
+    let releases = |rig: &mut Rig, so| {
+        bench::parameter(rig, 0, AxisParameter::ReleaseBrakeWhenArming, Value::Bool(so));
+    };
+    let too_short = Error::OutOfRange {
+        quantity: Quantity::MotorTimeout,
+        value: 60.0,
+        min: 300.0,
+        max: u32::MAX as f32,
+    };
+    releases(&mut rig, true);
+    assert_eq!(bench::provision(&mut rig, 60), Err(too_short));
+    releases(&mut rig, false);
+    bench::provision(&mut rig, 60).unwrap();
+    releases(&mut rig, true);
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(too_short));
+    bench::provision(&mut rig, 300).unwrap();
+    bench::arm(&mut rig);
+}
+
+#[test]
+fn an_armed_axis_with_a_brake_is_polled_within_a_third_of_the_timeout() {
+    let (mut rig, _) = bench::rmd(StopAction::Brake);
+    bench::provision(&mut rig, 300).unwrap();
+    for poll in [AxisParameter::StatePollUs, AxisParameter::FaultPollUs] {
+        bench::parameter(&mut rig, 0, poll, Value::Unsigned(1_000_000));
+    }
+    bench::arm(&mut rig);
+    let since = rig.now_us;
+    run_with_host(&mut rig, 2_000_000);
+    let gap = rig.longest_gap_us(0, since, "141#");
+    assert!(gap <= 100_000, "{gap} µs in which its motor could lock the brake");
 }

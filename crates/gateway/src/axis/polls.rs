@@ -214,7 +214,8 @@ impl Axis {
             None => match self.state {
                 State::Idle => false,
                 State::Holding => self.is_kept_holding(),
-                _ => self.must_hold(),
+                // Without it an RMD lets go, or locks its brake.
+                _ => self.is_polled_to_hold() && self.must_stand(),
             },
         };
         if unfed { turn.min(self.refresh()) } else { turn }

@@ -435,7 +435,7 @@ impl Axis {
         self.config.stop_action() != Some(StopAction::Coast)
     }
 
-    fn is_polled_to_hold(&self) -> bool {
+    pub(super) fn is_polled_to_hold(&self) -> bool {
         Info::of_axis(&self.config).is_some_and(|info| info.polled_to_hold)
     }
 

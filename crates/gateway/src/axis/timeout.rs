@@ -47,6 +47,12 @@ impl Axis {
         }
     }
 
+    /// Refuses a timeout that would act while the axis is being armed: what this takes was
+    /// configured since.
+    pub fn check_programmed_timeout(&self) -> Result<(), Error> {
+        crate::protocol::check_timeout(self.written_timeout_ms, &self.config)
+    }
+
     /// Whether arming settles what is known: it asks the motor, or tells it again what was
     /// provisioned.
     pub fn arming_settles_the_timeout(&self) -> bool {

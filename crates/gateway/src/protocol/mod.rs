@@ -29,6 +29,7 @@ pub(crate) use versions::Evidence;
 
 use crate::config::AxisConfig;
 use crate::measured::Observation;
+use crate::time::Duration;
 use convert::Scale;
 use host_protocol::{
     AxisParameter, BusKind, CanFrame, CanId, Error, Protocol, ProtocolSet, Quantity, Setpoint,
@@ -406,10 +407,12 @@ pub(crate) fn is_within_tolerance(one: u32, other: u32) -> bool {
 
 /// Refuses a time that the motor's own timeout cannot be set to.
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
-    match Info::of_axis(config) {
-        Some(info) if timeout_ms != 0 => Quantity::MotorTimeout.check(timeout_ms, info.timeouts_ms),
-        _ => Ok(()),
-    }
+    let Some(info) = Info::of_axis(config).filter(|_| timeout_ms != 0) else { return Ok(()) };
+    let (min, max) = info.timeouts_ms;
+    // While arming waits for the brake the motor hears nothing.
+    let release = command(Exchange::ReleaseBrake, config);
+    let unheard_us = release.as_ref().and_then(slow_reply).map_or(0, Duration::as_micros_u32);
+    Quantity::MotorTimeout.check(timeout_ms, (min.max(unheard_us / 1_000), max))
 }
 
 /// The bits of a motor's fault word that neither bar arming nor trip the axis: those that it only

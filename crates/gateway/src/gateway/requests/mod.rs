@@ -280,6 +280,7 @@ impl Gateway {
         if !axis.arming_settles_the_timeout() {
             axis.check_motor_timeout(now)?;
         }
+        axis.check_programmed_timeout()?;
         if !crate::protocol::can_confirm(&axis.config) {
             return Err(Error::CannotConfirm { axis: index });
         }
