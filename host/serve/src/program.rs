@@ -14,6 +14,9 @@ use crate::events::{Inbox, Told};
 pub(crate) const WINDOW: usize = 32;
 /// A program that has sent nothing valid for so long has no subscription any more, as on a link.
 const SUBSCRIPTION_ENDS_AFTER: Duration = Duration::from_secs(5);
+/// A program that has sent no sign of life for so long may hang: what it has left waiting is none
+/// any more. A client sends again after 80 ms what has no result.
+const MAY_HANG_AFTER: Duration = Duration::from_millis(100);
 
 /// Where a request is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,6 +72,8 @@ pub(crate) struct Program {
     pub inbox: Inbox,
     pub subscription: Option<Subscribe>,
     heard_at: Duration,
+    /// When it sent the last request that is not a watcher's, which is its sign of life.
+    lived_at: Duration,
     /// Its connection is to be closed when it has read what it is owed.
     pub over: bool,
 }
@@ -86,6 +91,7 @@ impl Program {
             inbox: Inbox::default(),
             subscription: None,
             heard_at: now,
+            lived_at: now,
             over: false,
         }
     }
@@ -97,6 +103,9 @@ impl Program {
                 Ok(frame) => {
                     if let Some(ask) = Ask::of(&frame) {
                         self.heard_at = now;
+                        if !ask.watches {
+                            self.lived_at = now;
+                        }
                         return Some(ask);
                     }
                 }
@@ -215,6 +224,17 @@ impl Program {
     pub fn lapse(&mut self, now: Duration) -> bool {
         let ends = now.saturating_sub(self.heard_at) >= SUBSCRIPTION_ENDS_AFTER;
         ends && self.subscription.take().is_some()
+    }
+
+    /// Whether its last sign of life is too old for another one to be sent for it.
+    pub fn may_hang(&self, now: Duration) -> bool {
+        now > self.lived_at + MAY_HANG_AFTER
+    }
+
+    /// A request that has not been sent gets no result; repeated, it is a new one.
+    pub fn drop_request(&mut self, order: u64) {
+        self.kept.retain(|kept| kept.order != order);
+        self.inbox.request_dropped();
     }
 
     /// The next frame for the program.

@@ -82,11 +82,19 @@ impl Multiplexer {
         loop {
             let program = self.programs.get_mut(&id)?;
             let turn = program.queue.front()?.clone();
+            let may_hang = program.may_hang(now);
             if let Turn::New(order) = turn
                 && let Some(kept) = program.kept(order)
-                && !self.cable.has_room(now, watches || kept.ask.watches, &kept.ask)
             {
-                return None;
+                let watches = watches || kept.ask.watches;
+                if !watches && may_hang {
+                    program.queue.pop_front();
+                    program.drop_request(order);
+                    continue;
+                }
+                if !self.cable.has_room(now, watches, &kept.ask) {
+                    return None;
+                }
             }
             self.programs.get_mut(&id)?.queue.pop_front();
             if let Some(frame) = self.send(now, id, turn) {
@@ -97,7 +105,9 @@ impl Multiplexer {
 
     /// The frame of what a program wants; `None` where there is nothing to send for it any more.
     fn send(&mut self, now: Duration, id: ProgramId, turn: Turn) -> Option<Vec<u8>> {
-        let commands = self.in_command == Some(id);
+        // What goes out for a program that may hang is no sign of life.
+        let may_hang = self.programs.get(&id).is_some_and(|program| program.may_hang(now));
+        let commands = self.in_command == Some(id) && !may_hang;
         let claims = self.claims;
         match turn {
             Turn::New(order) => {

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use mgw_client::Transport;
 use mgw_client::host_protocol::requests as ask;
-use mgw_client::host_protocol::{AxisState, Call, CycleEvent, Kind, StateFields, StopTarget};
+use mgw_client::host_protocol::{
+    AxisParameter, AxisState, Call, CycleEvent, Kind, StateFields, StopTarget, TripReason,
+};
 
 use crate::rig::{Bench, LONG, TURNING, frame, turn};
 use crate::{MS, frames};
@@ -149,4 +151,37 @@ fn who_repeats_a_request_that_must_not_be_done_twice_is_not_silent() {
     assert!(longest < 250 * MS, "{longest:?} of silence");
     let arms = commands.filter(|(_, _, number)| *number == ask::Arm::NUMBER).count();
     assert!(arms < 10, "{arms}: what may be done twice");
+}
+
+/// What it has left behind waits for results that do not come, and goes out one after the other.
+#[test]
+fn what_a_program_that_hangs_has_left_behind_does_not_live_for_it() {
+    let bench = Bench::new();
+    let (mut first, mut watcher) = (bench.program(), bench.program());
+    turn(&mut first);
+    bench.0.borrow_mut().lost_per_mille = [0, 1_000];
+    let parameter = AxisParameter::TtlUs.number();
+    let reads: Vec<u8> = (0..30)
+        .flat_map(|more| frame(4_000 + more, &ask::ReadAxisParameter { axis: 0, parameter }))
+        .collect();
+    first.transport_mut().send(&reads).unwrap();
+    let hung = bench.now();
+    bench.run(3_000 * MS);
+    let last = |kind: Kind| {
+        let rig = bench.0.borrow();
+        rig.cable.iter().rev().find(|(_, of, _)| *of == kind).unwrap().0
+    };
+    assert!(last(Kind::Request) <= hung + 100 * MS, "{:?}", last(Kind::Request) - hung);
+    bench.0.borrow_mut().lost_per_mille = [0; 2];
+    let trip = watcher.read_state(0).unwrap().trip.expect("it has tripped");
+    assert_eq!(trip.reason, TripReason::HostSilent);
+    let tripped_after = Duration::from_micros(trip.time_us) - hung;
+    assert!(tripped_after < 355 * MS, "{tripped_after:?}");
+    // It goes on: what it repeats is asked, and what it asked in between is not lost to it for ever.
+    frames(first.transport_mut());
+    first.transport_mut().send(&reads).unwrap();
+    bench.run(50 * MS);
+    let answered = frames(first.transport_mut()).into_iter();
+    let answered: Vec<u16> = answered.filter(|one| one.0 == Kind::Reply).map(|one| one.1).collect();
+    assert!((4_000..4_030).all(|one| answered.contains(&one)), "{answered:?}");
 }
