@@ -25,9 +25,11 @@ impl Ask {
         Some(Self { sequence, number, body: body.to_vec(), watches })
     }
 
-    /// Executed each time it comes, goes first, and is always admitted.
+    /// Executed each time it comes, goes first, and is always admitted. One that cannot be read is
+    /// refused by the gateway: it waits like anything else.
     pub fn stops(&self) -> bool {
         [ask::EStop::NUMBER, ask::Stop::NUMBER, ask::Disarm::NUMBER].contains(&self.number)
+            && self.is_readable()
     }
 
     /// The cable's rate is the server's business: its end has to follow.
@@ -37,6 +39,10 @@ impl Ask {
 
     /// A hello; one that cannot be read is refused by the gateway and opens nothing.
     pub fn opens_session(&self) -> bool {
-        self.number == ask::Hello::NUMBER && Request::decode(self.number, &self.body).is_ok()
+        self.number == ask::Hello::NUMBER && self.is_readable()
+    }
+
+    fn is_readable(&self) -> bool {
+        Request::decode(self.number, &self.body).is_ok()
     }
 }

@@ -1,9 +1,9 @@
 //! What is under way on the cable: under which number, for whom, and how much of it at a time.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
-use host_protocol::{Call, Kind, MAX_FRAME, encode_body, requests as ask};
+use host_protocol::{Call, Kind, MAX_BODY, MAX_FRAME, encode_body, requests as ask};
 
 use crate::ask::Ask;
 use crate::multiplexer::ProgramId;
@@ -12,9 +12,11 @@ use crate::multiplexer::ProgramId;
 /// that a link of the gateway answers.
 const COMMANDS: usize = 3;
 const WATCHES: usize = 4;
-/// Bytes of them under way: 5.5 ms at 921600 bit/s, for which a stop may wait.
-const BYTES: usize = 512;
-/// Stops under way; further ones wait for [`STOP_WAITS`].
+/// Bytes on the cable at a time, for which a stop may wait 5.6 ms: those of one longest frame.
+const BYTES: usize = MAX_FRAME;
+/// How long one takes at 921600 bit/s.
+const BYTE: Duration = Duration::from_nanos(10_851);
+/// Stops under way; further ones, and the same ones again, wait for [`STOP_WAITS`].
 const STOPS: usize = 8;
 const STOP_WAITS: Duration = Duration::from_millis(20);
 /// After the first time a request without a result no longer keeps others back, after the second
@@ -50,10 +52,21 @@ pub(crate) struct Asked {
     at: Duration,
 }
 
+/// A frame of which nothing says yet that it has passed the cable.
+#[derive(Debug)]
+struct OnCable {
+    bytes: usize,
+    /// A result of this request, or of a later one, says so.
+    order: u64,
+    /// By then it has passed in any case.
+    passed_at: Duration,
+}
+
 /// The requests under way.
 #[derive(Debug, Default)]
 pub(crate) struct Cable {
     asked: HashMap<u16, Asked>,
+    on_cable: VecDeque<OnCable>,
     sequence: u16,
     written: u64,
 }
@@ -86,6 +99,7 @@ impl Cable {
         self.written += 1;
         let asked = Asked { asker, ask, watches, claims, frame: frame.clone(), order, at: now };
         self.asked.insert(sequence, asked);
+        self.put(now, order, frame.len());
         (sequence, frame)
     }
 
@@ -102,16 +116,37 @@ impl Cable {
             return None;
         }
         asked.at = now;
-        Some(asked.frame.clone())
+        let frame = asked.frame.clone();
+        // Results of what is asked from here on come behind it.
+        self.put(now, written, frame.len());
+        Some(frame)
     }
 
-    /// The request that a result is for.
-    pub fn take(&mut self, sequence: u16) -> Option<Asked> {
-        self.asked.remove(&sequence)
+    /// The request that a result is for, which has passed the cable with all before it.
+    pub fn take(&mut self, now: Duration, sequence: u16) -> Option<Asked> {
+        let asked = self.asked.remove(&sequence)?;
+        while self.on_cable.pop_front_if(|frame| frame.order <= asked.order).is_some() {}
+        let mut passed_at = now;
+        for frame in &mut self.on_cable {
+            passed_at += takes(frame.bytes);
+            frame.passed_at = frame.passed_at.min(passed_at);
+        }
+        Some(asked)
+    }
+
+    fn put(&mut self, now: Duration, order: u64, bytes: usize) {
+        self.drop_passed(now);
+        let begins = self.on_cable.back().map_or(now, |before| before.passed_at.max(now));
+        self.on_cable.push_back(OnCable { bytes, order, passed_at: begins + takes(bytes) });
+    }
+
+    fn drop_passed(&mut self, now: Duration) {
+        while self.on_cable.pop_front_if(|frame| frame.passed_at <= now).is_some() {}
     }
 
     pub fn clear(&mut self) {
         self.asked.clear();
+        self.on_cable.clear();
     }
 
     /// What has had no result for long gets none any more: who asked for it.
@@ -124,19 +159,33 @@ impl Cable {
         self.asked.values().filter(move |asked| now < asked.at + patience(&asked.ask)[0])
     }
 
-    /// Whether one more request of who commands, or of who watches, may go out.
-    pub fn has_room(&self, now: Duration, watches: bool, ask: &Ask) -> bool {
-        let ordinary = || self.under_way(now).filter(|asked| !asked.ask.stops());
-        let alike = ordinary().filter(|asked| asked.watches == watches).count();
-        let bytes: usize = ordinary().map(|asked| asked.frame.len()).sum();
-        let most = if watches { WATCHES } else { COMMANDS };
-        alike < most && (bytes + ask.body.len() <= BYTES || alike == 0)
+    /// Whether one more request of who commands, or of who watches, may be under way.
+    pub fn has_room(&self, now: Duration, watches: bool) -> bool {
+        let alike = |asked: &&Asked| !asked.ask.stops() && asked.watches == watches;
+        self.under_way(now).filter(alike).count() < if watches { WATCHES } else { COMMANDS }
+    }
+
+    /// Whether a request with a body of so many bytes keeps a stop behind it from waiting too long.
+    pub fn is_clear_for(&mut self, now: Duration, body: usize) -> bool {
+        self.drop_passed(now);
+        let bytes: usize = self.on_cable.iter().map(|frame| frame.bytes).sum();
+        bytes + body + (MAX_FRAME - MAX_BODY) <= BYTES
+    }
+
+    /// Whether the stop under way under this number went out so lately that it waits to go again.
+    pub fn has_just_gone(&self, now: Duration, sequence: u16) -> bool {
+        self.asked.get(&sequence).is_some_and(|asked| now < asked.at + STOP_WAITS)
     }
 
     /// Whether one more stop may go out.
     pub fn has_room_for_stop(&self, now: Duration) -> bool {
         self.under_way(now).filter(|asked| asked.ask.stops()).count() < STOPS
     }
+}
+
+/// How long so many bytes are on the cable.
+fn takes(bytes: usize) -> Duration {
+    BYTE * u32::try_from(bytes).unwrap_or(u32::MAX)
 }
 
 /// How long to wait for its result.

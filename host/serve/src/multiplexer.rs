@@ -70,6 +70,8 @@ pub struct Multiplexer {
     last_words: VecDeque<Ask>,
     /// Whose turn it was last.
     turn: ProgramId,
+    /// Who commands has waited for a full cable: one who watches goes next.
+    watchers_next: bool,
     /// What the gateway has been asked to sample.
     subscribed: Subscribe,
     /// The number that the next event of the gateway has.
@@ -96,6 +98,7 @@ impl Multiplexer {
             claims: 0,
             last_words: VecDeque::new(),
             turn: 0,
+            watchers_next: false,
             subscribed: nothing(),
             next_event: None,
             gateway_us: 0,

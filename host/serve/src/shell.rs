@@ -184,8 +184,9 @@ where
     L: FnMut(&str),
 {
     fn run(&mut self, events: &Receiver<Event>) {
+        let mut has_written = false;
         loop {
-            match events.recv_timeout(TICK) {
+            match events.recv_timeout(if has_written { Duration::ZERO } else { TICK }) {
                 Ok(event) => {
                     self.take(event);
                     // What has come meanwhile, before anything is sent: a stop among it goes first.
@@ -197,7 +198,7 @@ where
             let now = self.start.elapsed();
             self.multiplexer.tick(now);
             self.open_cable(now);
-            self.write_cable();
+            has_written = self.write_cable();
             self.write_programs();
             self.tell_news();
         }
@@ -347,15 +348,15 @@ where
         self.multiplexer.cable_closed(now);
     }
 
-    fn write_cable(&mut self) {
-        while let Some(cable) = &mut self.cable
-            && let Some(frame) = self.multiplexer.poll_cable(self.start.elapsed())
-        {
-            if cable.write_all(&frame).and_then(|()| cable.flush()).is_err() {
-                self.unplug(self.start.elapsed());
-            }
-            self.pass_copies();
+    /// Writes one frame, if there is one: a stop that comes meanwhile is the next.
+    fn write_cable(&mut self) -> bool {
+        let Some(cable) = &mut self.cable else { return false };
+        let Some(frame) = self.multiplexer.poll_cable(self.start.elapsed()) else { return false };
+        if cable.write_all(&frame).and_then(|()| cable.flush()).is_err() {
+            self.unplug(self.start.elapsed());
         }
+        self.pass_copies();
+        true
     }
 
     fn write_programs(&mut self) {

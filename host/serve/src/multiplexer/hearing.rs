@@ -54,7 +54,7 @@ impl Multiplexer {
         if frame.kind == Kind::Reply && frame.number != asked.ask.number {
             return;
         }
-        let Some(asked) = self.cable.take(frame.sequence) else { return };
+        let Some(asked) = self.cable.take(now, frame.sequence) else { return };
         if matches!(self.state, State::Greeting { .. }) {
             if asked.ask.opens_session() && !asked.watches {
                 self.greeted(now, frame);

@@ -1,5 +1,6 @@
 //! What goes out on the cable next, and as whose.
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use host_protocol::requests::{Hello, Ping, SUBSCRIPTION_PERIOD_US, Subscribe};
@@ -15,6 +16,8 @@ const HELLO_EVERY: Duration = Duration::from_millis(100);
 /// Without a request of a watcher answered for this long the server asks one itself: a gateway that
 /// started anew refuses it. It is no sign of life.
 const PROBE_EVERY: Duration = Duration::from_secs(1);
+/// Bytes of what it asks by itself, at most.
+const OWN_BODY: usize = 32;
 
 impl Multiplexer {
     /// The next frame for the cable: stops, then what the server asks itself, then who commands,
@@ -42,14 +45,19 @@ impl Multiplexer {
         if let Some(frame) = self.own_request(now) {
             return Some(frame);
         }
-        let first = self.in_command.into_iter();
-        for id in first.chain(self.in_turn()).collect::<Vec<_>>() {
-            if let Some(frame) = self.next_of(now, id) {
-                if self.in_command != Some(id) {
-                    self.turn = id;
-                }
-                return Some(frame);
+        let watches = |id: &ProgramId| self.in_command != Some(*id);
+        let mut ids: Vec<_> = self.in_turn().filter(watches).collect();
+        if let Some(id) = self.in_command {
+            ids.insert(if self.watchers_next { ids.len() } else { 0 }, id);
+        }
+        for id in ids {
+            let ControlFlow::Break(frame) = self.next_of(now, id) else { continue };
+            if self.in_command == Some(id) {
+                self.watchers_next = frame.is_none();
+            } else if frame.is_some() {
+                (self.turn, self.watchers_next) = (id, false);
             }
+            return frame;
         }
         None
     }
@@ -68,7 +76,11 @@ impl Multiplexer {
             return Some(self.cable.ask(now, Asker::Server, ask, true, self.claims).1);
         }
         for id in self.in_turn().collect::<Vec<_>>() {
-            let turn = self.programs.get_mut(&id).and_then(|program| program.stops.pop_front());
+            let Some(program) = self.programs.get_mut(&id) else { continue };
+            let waits =
+                |turn: &Turn| matches!(turn, Turn::Again(of) if self.cable.has_just_gone(now, *of));
+            let place = program.stops.iter().position(|turn| !waits(turn));
+            let turn = place.and_then(|place| program.stops.remove(place));
             if let Some(frame) = turn.and_then(|turn| self.send(now, id, turn)) {
                 self.turn = id;
                 return Some(frame);
@@ -77,30 +89,40 @@ impl Multiplexer {
         None
     }
 
-    fn next_of(&mut self, now: Duration, id: ProgramId) -> Option<Vec<u8>> {
+    /// The next frame of a program, if it has one. Where that waits for the cable nobody goes
+    /// before it.
+    fn next_of(&mut self, now: Duration, id: ProgramId) -> ControlFlow<Option<Vec<u8>>> {
         let watches = self.in_command != Some(id);
         loop {
-            let program = self.programs.get_mut(&id)?;
-            let turn = program.queue.front()?.clone();
+            let Some(program) = self.programs.get_mut(&id) else { break };
+            let Some(turn) = program.queue.front().cloned() else { break };
             let may_hang = program.may_hang(now);
-            if let Turn::New(order) = turn
-                && let Some(kept) = program.kept(order)
-            {
-                let watches = watches || kept.ask.watches;
+            let body = match turn {
+                Turn::New(order) => program.kept(order).map(|kept| &kept.ask),
+                Turn::Again(sequence) => self.cable.asked(sequence).map(|asked| &asked.ask),
+                Turn::Unanswered(ref ask) => Some(ask),
+            };
+            let (body, marked) = body.map_or((0, false), |ask| (ask.body.len(), ask.watches));
+            if let Turn::New(order) = turn {
+                let watches = watches || marked;
                 if !watches && may_hang {
                     program.queue.pop_front();
                     program.drop_request(order);
                     continue;
                 }
-                if !self.cable.has_room(now, watches, &kept.ask) {
-                    return None;
+                if !self.cable.has_room(now, watches) {
+                    break;
                 }
             }
-            self.programs.get_mut(&id)?.queue.pop_front();
+            if !self.cable.is_clear_for(now, body) {
+                return ControlFlow::Break(None);
+            }
+            program.queue.pop_front();
             if let Some(frame) = self.send(now, id, turn) {
-                return Some(frame);
+                return ControlFlow::Break(Some(frame));
             }
         }
+        ControlFlow::Continue(())
     }
 
     /// The frame of what a program wants; `None` where there is nothing to send for it any more.
@@ -191,6 +213,9 @@ impl Multiplexer {
 
     /// What the server asks by itself, for nobody: as a watcher.
     fn own_request(&mut self, now: Duration) -> Option<Vec<u8>> {
+        if !self.cable.is_clear_for(now, OWN_BODY) {
+            return None;
+        }
         let union = self.union();
         if union != self.subscribed {
             self.subscribed = union;

@@ -3,6 +3,7 @@
 mod crowd;
 mod losses;
 mod rig;
+mod waits;
 
 use std::time::Duration;
 

@@ -17,6 +17,8 @@ use mgw_sim::{Wiring, World};
 
 /// How often the server looks.
 const TURN: Duration = Duration::from_micros(200);
+/// How long a byte takes at 921600 bit/s.
+const BYTE: Duration = Duration::from_nanos(10_851);
 /// The host link of the server.
 const LINK: u8 = 0;
 /// A setpoint that outlives the silence of its host.
@@ -36,6 +38,8 @@ pub struct Rig {
     luck: fastrand::Rng,
     /// The requests on the cable: when, of which kind and number.
     pub cable: Vec<(Duration, Kind, u16)>,
+    /// When each of them has passed, where nothing else holds them up: with its number.
+    pub passed: Vec<(Duration, u16)>,
 }
 
 /// A rig that several programs share.
@@ -75,6 +79,9 @@ impl Rig {
         {
             if let Some(Ok(Frame { kind, number, .. })) = Deframer::new().take(&mut &frame[..]) {
                 self.cable.push((now, kind, number));
+                let begins = self.passed.last().map_or(now, |(before, _)| now.max(*before));
+                let bytes = u32::try_from(frame.len()).unwrap();
+                self.passed.push((begins + bytes * BYTE, number));
             }
             if !self.is_lost(0) {
                 self.world.host_send(LINK, &frame);
@@ -102,6 +109,7 @@ impl Bench {
             lost_per_mille: [0; 2],
             luck: fastrand::Rng::with_seed(1),
             cable: Vec::new(),
+            passed: Vec::new(),
         };
         rig.multiplexer.cable_opened(Duration::ZERO);
         let bench = Self(Rc::new(RefCell::new(rig)));
