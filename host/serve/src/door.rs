@@ -1,16 +1,19 @@
 //! Where programs come in: their connections are accepted, show their token, and are read.
 
+use std::collections::VecDeque;
 use std::io::{self, Read};
+use std::net::{Shutdown, TcpStream};
 #[cfg(unix)]
 use std::os::fd::OwnedFd;
 use std::sync::mpsc::{Sender, channel, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use socket2::Socket;
 use subtle::ConstantTimeEq;
 
-use crate::shell::{Event, Listener, Newcomer, PROGRAMS, TICK, WAITING, nothing_came};
+use crate::shell::{Event, Listener, Newcomer, PROGRAMS, TICK, UNPROVED, WAITING, nothing_came};
 
 /// Connections of one listener at a time: those that have a place, and some that come and go. More
 /// of them wait in the system, so that no crowd of them stands in front of what programs send.
@@ -33,8 +36,46 @@ impl Drop for Leave {
     }
 }
 
+/// The connections that are to show their token, the oldest first.
+#[derive(Clone, Default)]
+struct Showing(Arc<Mutex<Places>>);
+
+#[derive(Default)]
+struct Places {
+    given: u64,
+    taken: VecDeque<(u64, Socket)>,
+}
+
+impl Showing {
+    fn places(&self) -> MutexGuard<'_, Places> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Gives a connection a place, if need be that of the oldest one, which ends.
+    fn enter(&self, stream: &Socket) -> io::Result<u64> {
+        let mut places = self.places();
+        places.given += 1;
+        let place = places.given;
+        places.taken.push_back((place, stream.try_clone()?));
+        if places.taken.len() > UNPROVED
+            && let Some((_, oldest)) = places.taken.pop_front()
+        {
+            let _ = oldest.shutdown(Shutdown::Both);
+        }
+        Ok(place)
+    }
+
+    /// Takes a place back; whether it was still there.
+    fn leave(&self, place: u64) -> bool {
+        let taken = &mut self.places().taken;
+        let at = taken.iter().position(|(of, _)| *of == place);
+        at.and_then(|at| taken.remove(at)).is_some()
+    }
+}
+
 /// Accepts programs for ever.
 pub(crate) fn accept(listener: &Listener, sender: &Sender<Event>) {
+    let showing = Showing::default();
     let (given_back, leaves) = channel();
     (0..CONNECTIONS).for_each(|_| drop(Leave(given_back.clone())));
     while leaves.recv().is_ok() {
@@ -44,13 +85,25 @@ pub(crate) fn accept(listener: &Listener, sender: &Sender<Event>) {
             thread::sleep(TICK);
             continue;
         };
-        // Whoever has a token to show is read by its own thread alone.
-        let said = if token.is_some() { Some(Vec::new()) } else { said_by_now(&mut stream) };
-        let Some(said) = said else { continue };
         let sender = sender.clone();
-        let read = move || {
-            read_program(stream, said, token.as_deref(), &sender);
-            drop(leave);
+        let read: Box<dyn FnOnce() + Send> = if let Some(token) = token {
+            // It is read by its own thread alone.
+            let place = if has_come(&stream) { None } else { Some(showing.enter(&stream)) };
+            let Ok(place) = place.transpose() else { continue };
+            let showing = showing.clone();
+            Box::new(move || {
+                let proved = shows(&mut stream, &token);
+                if place.is_none_or(|place| showing.leave(place)) {
+                    read_program(stream, Vec::new(), proved, &sender);
+                }
+                drop(leave);
+            })
+        } else {
+            let Some(said) = said_by_now(&mut stream) else { continue };
+            Box::new(move || {
+                read_program(stream, said, true, &sender);
+                drop(leave);
+            })
         };
         // Where the system has no thread left the connection ends.
         drop(thread::Builder::new().spawn(read));
@@ -84,8 +137,7 @@ fn said_by_now(stream: &mut Socket) -> Option<Vec<u8>> {
 }
 
 /// Passes a program's bytes on, one piece at a time: who floods waits for the others.
-fn read_program(mut stream: Socket, said: Vec<u8>, token: Option<&str>, sender: &Sender<Event>) {
-    let proved = token.is_none_or(|token| shows(&mut stream, token));
+fn read_program(mut stream: Socket, said: Vec<u8>, proved: bool, sender: &Sender<Event>) {
     let (go, may_read) = sync_channel(1);
     let Ok(ours) = stream.try_clone() else { return };
     let mut is_first = said.is_empty();
@@ -115,14 +167,24 @@ fn begins_as_http(bytes: &[u8]) -> bool {
     bytes.first().is_some_and(u8::is_ascii_uppercase)
 }
 
+/// Whether the whole of what may be the token is there already, so that nobody waits for it.
+fn has_come(stream: &Socket) -> bool {
+    let Ok(stream) = stream.try_clone().map(TcpStream::from) else { return false };
+    let mut bytes = [0; LONGEST_TOKEN];
+    let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut bytes));
+    let is_whole = |count| bytes.iter().take(count).any(|byte| *byte == 0);
+    stream.set_nonblocking(false).is_ok() && peeked.is_ok_and(is_whole)
+}
+
 /// Whether a connection begins with the token.
 fn shows(stream: &mut Socket, token: &str) -> bool {
-    let _ = stream.set_read_timeout(Some(TOKEN_WITHIN));
     let mut shown = Vec::new();
     let mut byte = [0];
     let end = Instant::now() + TOKEN_WITHIN;
     while shown.len() < LONGEST_TOKEN
-        && Instant::now() < end
+        && let Some(left) =
+            end.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())
+        && stream.set_read_timeout(Some(left)).is_ok()
         && matches!(stream.read(&mut byte), Ok(1))
         && byte != [0]
     {

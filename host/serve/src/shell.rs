@@ -33,8 +33,9 @@ pub(crate) const PROGRAMS: usize = 128;
 /// Connections at a time that have asked nothing yet: one more takes the place of the oldest of
 /// them, and none takes that of a program.
 pub(crate) const WAITING: usize = 64;
-/// Those of them that have not shown their token: they take the place of nobody who has.
-const UNPROVED: usize = 16;
+/// Those of them that have not shown their token: they take the place of nobody who has. As many
+/// have time to show it.
+pub(crate) const UNPROVED: usize = 16;
 /// A connection that is over and does not read is closed after this time.
 const CLOSED_WITHIN: Duration = Duration::from_secs(1);
 

@@ -2,7 +2,7 @@
 #![cfg(target_os = "linux")]
 
 use std::fs;
-use std::net::TcpListener;
+use std::net::{TcpListener, TcpStream};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -11,12 +11,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use mgw_client::host_protocol::StopTarget;
-use mgw_client::{Client, ClientError, Transport, open, open_halves};
+use mgw_client::{Client, ClientError, TcpTransport, Transport, open, open_halves};
 use mgw_serve::{Listener, serve};
 use mgw_sim::{Wiring, World};
 
 /// Every wait together.
 const PATIENCE: Duration = Duration::from_secs(120);
+const TOKEN: &str = "correct horse";
 /// Programs that have a place.
 const PROGRAMS: usize = 128;
 /// Descriptors that a server with all its places taken needs at most, and the test beside it.
@@ -28,6 +29,8 @@ type Program = Client<Box<dyn Transport + Send>>;
 
 struct Server {
     socket: PathBuf,
+    /// Where programs with the token connect.
+    address: String,
     end: Instant,
     _alone: MutexGuard<'static, ()>,
 }
@@ -47,11 +50,14 @@ impl Server {
             mgw_sim::serve(cable, world, &faults, None, |_: &str| {})
         });
         let listener = UnixListener::bind(&socket).unwrap();
+        let with_token = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = with_token.local_addr().unwrap().to_string();
         thread::spawn(move || {
             let open = move || open_halves(&port).map_err(|error| error.to_string());
-            serve(vec![Listener::Unix(listener)], open, |_: &str| {}, None)
+            let with_token = Listener::Tcp(with_token, Some(TOKEN.to_string()));
+            serve(vec![Listener::Unix(listener), with_token], open, |_: &str| {}, None)
         });
-        let server = Self { socket, end: Instant::now() + PATIENCE, _alone: alone };
+        let server = Self { socket, address, end: Instant::now() + PATIENCE, _alone: alone };
         server.until(|| server.program()?.ping());
         server
     }
@@ -121,6 +127,39 @@ fn connections_that_say_nothing_take_no_place_of_a_program() {
     server.until(|| server.program()?.ping());
     watcher.ping().expect("it keeps its place");
     drop(silent);
+}
+
+/// Each round of them would have its program wait for the 2 s that a token may take.
+#[test]
+fn connections_without_the_token_keep_out_nobody_who_has_it() {
+    let server = Server::start("token");
+    let end = Instant::now() + Duration::from_secs(25);
+    for round in 0..15 {
+        let mut silent = Vec::new();
+        for _ in 0..4 {
+            // No more at once than the system holds for the server.
+            let connect = |_| TcpStream::connect(&server.address).unwrap();
+            silent.extend((0..PROGRAMS / 2).map(connect));
+            server.until(|| server.program()?.ping());
+        }
+        server.until(|| {
+            let shown = TcpTransport::connect_showing(&server.address, Some(TOKEN.into()));
+            Client::connect(shown.unwrap())?.ping()
+        });
+        assert!(Instant::now() < end, "only {round} programs have come in");
+        drop(silent);
+    }
+}
+
+/// All of them come at once, and none is ended before it is read.
+#[test]
+fn many_programs_show_the_token_at_once() {
+    let server = Server::start("many");
+    let connect = |_| TcpTransport::connect_showing(&server.address, Some(TOKEN.into())).unwrap();
+    let connected: Vec<TcpTransport> = (0..64).map(connect).collect();
+    for transport in connected {
+        Client::connect(transport).unwrap().ping().unwrap();
+    }
 }
 
 #[test]
