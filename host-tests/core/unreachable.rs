@@ -97,6 +97,37 @@ fn a_motor_that_acknowledges_that_it_coasts_and_turns_on_is_left_to_its_own_time
     }
 }
 
+/// The motor's own timeout has had its time to act: nothing bars the next stop that is asked for.
+#[test]
+fn a_stop_that_is_asked_for_after_a_silence_or_of_a_motor_at_rest_is_sent_at_once() {
+    const COAST: &str = "141#8000000000000000";
+    for (timeout_ms, stands, pause_us) in [(100, false, 250_000), (10_000, true, 300_000)] {
+        let (mut rig, play) = bench::rmd(StopAction::Coast);
+        bench::provision(&mut rig, timeout_ms).unwrap();
+        move_axis(&mut rig, VELOCITY);
+        rig.run(1_000);
+        play.borrow_mut().turning = true;
+        bench::e_stop(&mut rig);
+        run_with_host(&mut rig, 5_200_000);
+        let ask = |rig: &mut Rig| {
+            let since = rig.now_us;
+            rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+            run_with_host(rig, 10_000);
+            rig.sent_since(0, since).contains(&COAST)
+        };
+        if stands {
+            play.borrow_mut().turning = false;
+        }
+        ask(&mut rig);
+        for _ in 0..3 {
+            let in_the_silence = [ask(&mut rig), ask(&mut rig)];
+            assert!(stands || !in_the_silence[1], "{timeout_ms} ms: one in each silence");
+            run_with_host(&mut rig, pause_us);
+            assert!(ask(&mut rig), "{timeout_ms} ms: nothing bars it");
+        }
+    }
+}
+
 /// Its stop was acknowledged, so its axis is idle.
 #[test]
 fn nobody_who_reads_keeps_an_idle_motor_that_turns_from_stopping_by_its_own_timeout() {

@@ -277,7 +277,8 @@ impl Stop {
             return self.lock_again(now, config);
         }
         if self.hears
-            && let Backoff::Silence { asked, .. } = &mut self.backoff
+            && let Backoff::Silence { until, then, asked } = &mut self.backoff
+            && (*then != Then::Repeat || now < *until)
             && core::mem::replace(asked, true)
         {
             return false;
@@ -421,6 +422,13 @@ impl Stop {
         let asked = matches!(self.backoff, Backoff::Silence { asked: true, .. });
         self.backoff = Backoff::Silence { until, then: Then::Repeat, asked };
         self.repeat_at = self.repeat_at.max(until);
+    }
+
+    /// The motor that has confirmed it stands: it needs no silence.
+    pub(super) fn stands(&mut self) {
+        if matches!(self.backoff, Backoff::Silence { then: Then::Repeat, .. }) {
+            self.backoff = Backoff::None;
+        }
     }
 
     /// Nothing is known of the motor any more, a locked brake included: all of the stop begins

@@ -53,8 +53,12 @@ impl Axis {
         }
         if is_confirmed && !was_confirmed {
             self.stop_confirmed(now, before, out);
-        } else if was_confirmed && request.exchange == Exchange::Velocity && still == Some(false) {
-            self.turns_again(now, out);
+        } else if was_confirmed && request.exchange == Exchange::Velocity {
+            match (still, self.stop_mut()) {
+                (Some(false), _) => self.turns_again(now, out),
+                (Some(true), Some(stop)) => stop.stands(),
+                _ => {}
+            }
         }
     }
 
