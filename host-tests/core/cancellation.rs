@@ -115,6 +115,30 @@ fn a_raw_frame_does_not_outlive_the_raw_access() {
     assert_eq!(rig.held_texts(), Vec::<&str>::new());
 }
 
+/// A motor that answers its stop and turns on is given up after 5 s; a stop that is asked for just
+/// before that waits behind the frames of others.
+#[test]
+fn a_stop_that_waits_is_not_taken_back_when_its_motor_is_given_up() {
+    let (mut rig, play) = bench::rmd_with_timeout(400);
+    bench::move_axis(&mut rig, VELOCITY);
+    rig.run(1_000);
+    play.borrow_mut().turning = true;
+    stop(&mut rig);
+    let began = rig.now_us;
+    run_with_host(&mut rig, 4_970_000);
+    rig.babble(Some(0));
+    bench::e_stop(&mut rig);
+    rig.run(15_000);
+    assert_eq!((rig.held_texts(), bench::outcomes(&rig)), (vec![HOLD], vec![]));
+    rig.run(began + 5_010_000 - rig.now_us);
+    assert_eq!(bench::outcomes(&rig), [Event::AxisUnreachable { axis: 0, stop_transmitted: true }]);
+    assert_eq!(rig.held_texts(), [HOLD]);
+    let since = rig.left.len();
+    rig.babble(None);
+    run_with_host(&mut rig, 10_000);
+    assert_eq!(rig.left[since].2, HOLD);
+}
+
 /// 20 ms and 4 frame times after the first setpoint that nobody acknowledged; that one may come 10
 /// ms after the cut: a reply that is missing closes its window first, and the next setpoint its
 /// period.

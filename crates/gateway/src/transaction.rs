@@ -287,6 +287,13 @@ impl Transactions {
         }
     }
 
+    /// The same, but for a stop that has still to leave: it is owed until it has.
+    pub fn preempt_all_but_a_stop(&mut self) {
+        if !self.with_port().is_some_and(Exchange::is_stop) {
+            self.preempt();
+        }
+    }
+
     /// A frame of the motor has arrived: what it is, and what it tells as an answer.
     pub fn received(
         &mut self,

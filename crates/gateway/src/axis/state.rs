@@ -394,10 +394,9 @@ impl Axis {
     /// A stop is asked for although one is under way or confirmed: it is sent again at once, and
     /// what is under way makes room, but for a stop that has still to leave.
     fn stop_again(&mut self, now: Instant) {
-        let leaves = self.transactions.with_port().is_some_and(Exchange::is_stop);
         let (State::Stopping(stop) | State::Tripped(_, stop)) = &mut self.state else { return };
-        if stop.ask_again(now, &self.config) && !leaves {
-            self.transactions.preempt();
+        if stop.ask_again(now, &self.config) {
+            self.transactions.preempt_all_but_a_stop();
         }
     }
 

@@ -168,7 +168,7 @@ impl Axis {
     /// Notices a stop that does not bring the motor to rest.
     pub(super) fn expire_stop(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if self.stop().and_then(Stop::gives_up_at).is_some_and(|at| at <= now) {
-            self.transactions.preempt();
+            self.transactions.preempt_all_but_a_stop();
             self.rest(now, out);
         }
     }
