@@ -217,3 +217,32 @@ fn a_frame_that_leaves_the_old_bus_is_not_taken_for_one_on_the_new_one() {
     rig.run(1_000);
     assert_eq!(rig.answer(read), None);
 }
+
+/// Nobody has acknowledged the poll of axis 0 when it comes back. What is sent next is another
+/// axis's, later than that poll might have waited, and has its own time.
+#[test]
+fn an_axis_that_is_removed_leaves_no_deadline_to_others() {
+    let mut rig = bench::rmd_axes(1);
+    // It coasts: one that holds would be asked every 20 ms.
+    configure_axis(&mut rig, 1, 0, Protocol::Rmd, 2, StopAction::Coast);
+    for slow in [AxisParameter::StatePollUs, AxisParameter::FaultPollUs] {
+        bench::parameter(&mut rig, 1, slow, Value::Unsigned(1_000_000));
+    }
+    let fields = StateFields::NONE.with(StateField::Velocity);
+    let watched = requests::Subscribe { axes: 1, fields, period_us: 50_000 };
+    rig.ask(Request::Subscribe(watched)).unwrap();
+    arm_axis(&mut rig, 1);
+    bench::run_with_host(&mut rig, 200_000);
+    rig.babble(Some(0));
+    while !rig.held_texts().iter().any(|text| text.starts_with("141#")) {
+        rig.run(10);
+    }
+    rig.run(500);
+    rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 })).unwrap();
+    assert_eq!(rig.held_texts(), Vec::<&str>::new());
+    rig.babble(None);
+    let since = rig.now_us;
+    bench::run_with_host(&mut rig, 2_000_000);
+    assert!(rig.sent_since(0, since).iter().any(|text| text.starts_with("142#")));
+    assert_eq!(bench::listed(&mut rig, 1), AxisState::Armed);
+}

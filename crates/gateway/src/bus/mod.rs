@@ -59,9 +59,9 @@ pub(crate) struct Bus {
     pub raw: Option<Raw>,
     /// It runs otherwise than it is configured, for as long as it is open for raw frames.
     borrowed: Option<Borrowed>,
-    /// When the frame that has waited longest for an acknowledgement counts as unacknowledged,
-    /// although it was cancelled.
-    carried_deadline: Option<Instant>,
+    /// How much longer the frame that has waited longest for an acknowledgement might have waited
+    /// when it was cancelled: what takes its place has no more.
+    time_left: Option<Duration>,
     /// The last frame that came back had met the reply to the one before; none has left since.
     let_reply_pass: bool,
     /// When a first stop had left last, or the bus began to run.
@@ -143,7 +143,7 @@ impl Bus {
             quiet_at: Instant::from_micros(0),
             raw: None,
             borrowed: None,
-            carried_deadline: None,
+            time_left: None,
             let_reply_pass: false,
             first_stops_since: Instant::from_micros(0),
             restart_at: None,
@@ -446,7 +446,7 @@ impl Bus {
     /// The port has dropped every frame it held.
     fn empty(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         self.in_flight = [None; TRANSMIT_SLOTS];
-        self.carried_deadline = None;
+        self.time_left = None;
         self.let_reply_pass = false;
         self.first_stops_since = now;
         if let Some(raw) = &mut self.raw {

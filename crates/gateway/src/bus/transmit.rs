@@ -57,7 +57,7 @@ impl Bus {
         };
         self.counters.transmitted = self.counters.transmitted.saturating_add(1);
         self.carried(now);
-        self.carried_deadline = None;
+        self.time_left = None;
         self.let_reply_pass = false;
         if in_flight.is_first_stop {
             self.first_stops_since = now;
@@ -146,9 +146,10 @@ impl Bus {
             return;
         };
         self.counters.cancelled = self.counters.cancelled.saturating_add(1);
-        if !in_flight.overdue {
-            let carried = self.carried_deadline.unwrap_or(in_flight.deadline);
-            self.carried_deadline = Some(carried.min(in_flight.deadline));
+        // Nothing takes the place of a frame that is nobody's any more.
+        if !in_flight.overdue && in_flight.axis.is_some() {
+            let left = in_flight.deadline.since(now);
+            self.time_left = Some(self.time_left.map_or(left, |before| before.min(left)));
         }
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
             axis.cancelled(now, slot);
@@ -178,7 +179,7 @@ impl Bus {
                 continue;
             };
             (in_flight.overdue, is_overdue) = (true, true);
-            self.carried_deadline = None;
+            self.time_left = None;
             self.counters.missed_acknowledgements =
                 self.counters.missed_acknowledgements.saturating_add(1);
             // What is behind it cannot leave either: whatever is armed on this bus is out of reach.
@@ -331,12 +332,11 @@ impl Bus {
         }
         if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
             // A setpoint that takes the place of another one has no more time than that had.
-            let deadline =
-                self.carried_deadline.map_or(now + within, |carried| carried.min(now + within));
+            let within = self.time_left.map_or(within, |left| left.min(within));
             *place = Some(InFlight {
                 axis,
                 id,
-                deadline,
+                deadline: now + within,
                 overdue: false,
                 is_stop: false,
                 is_first_stop: false,
