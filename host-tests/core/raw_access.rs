@@ -5,8 +5,8 @@ use crate::bench::{self, VELOCITY, arm, clear, disarm, e_stop, move_axis, run_wi
 use crate::rig::Rig;
 use crate::text::unhex;
 use host_protocol::{
-    AxisParameter, AxisState, CanFrame, Error, Protocol, RawFrame, Reply, Request, StopAction,
-    Value, requests,
+    AxisParameter, AxisState, CanFrame, Error, MAX_FRAME, Protocol, RawFrame, Reply, Request,
+    StopAction, StopTarget, Value, requests,
 };
 
 pub fn open(rig: &mut Rig, bus: u8) -> Result<Reply, Error> {
@@ -180,6 +180,33 @@ fn a_stop_an_e_stop_and_a_change_close_it() {
         end(&mut rig);
         assert_eq!(send_text(&mut rig, 0, "141#9C00000000000000"), NOT_OPEN, "{name}");
     }
+}
+
+/// The stop waits for the reply that the motor owes, and the raw frame does not go before it.
+#[test]
+fn no_raw_frame_leaves_before_a_stop_of_all_that_waits() {
+    let (mut rig, play) = bench::d5();
+    open(&mut rig, 1).unwrap();
+    play.borrow_mut().mute = true;
+    rig.send(&Request::ReadState(requests::ReadState { axis: 0 }));
+    rig.run(crate::rig::FRAME_US + 10);
+    let since = rig.now_us;
+    let frame = RawFrame::Can(CanFrame::standard(0x0B, &unhex("D50B050226000038")).unwrap());
+    let requests = [
+        Request::RawSend(requests::RawSend { bus: 1, frame }),
+        Request::Stop(requests::Stop { target: StopTarget::All }),
+    ];
+    let mut bytes = Vec::new();
+    for (sequence, request) in (0x7000..).zip(requests) {
+        let mut out = [0; MAX_FRAME];
+        let length = request.encode_frame(sequence, &mut out).unwrap();
+        bytes.extend_from_slice(&out[..length]);
+    }
+    rig.bytes(&bytes);
+    run_with_host(&mut rig, 50_000);
+    let sent = rig.sent_since(1, since);
+    assert_eq!(sent.first(), Some(&"00B#D50B050320000033"), "{sent:?}");
+    assert!(rig.answer(0x7001).is_some_and(|answer| answer.is_ok()));
 }
 
 /// What waits in the queue and in the controller is gone when the bus is back.

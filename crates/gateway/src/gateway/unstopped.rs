@@ -61,6 +61,11 @@ impl Unstopped {
         self.axes.with(self.grouped)
     }
 
+    /// Those of them that stop from rest as well.
+    pub fn from_rest(self) -> Set {
+        if matches!(self.why, Why::EStop | Why::Asked) { self.axes } else { Set::NONE }
+    }
+
     /// When they are due.
     pub fn since(self) -> Option<Instant> {
         (!self.is_empty()).then_some(self.since)

@@ -86,8 +86,8 @@ impl Gateway {
         Ok(())
     }
 
-    /// Closes each bus that may not be open any more: after an e-stop, and where an axis is no
-    /// longer idle.
+    /// Closes each bus that may not be open any more: after an e-stop, where an axis is no longer
+    /// idle, and where one has still to stop.
     #[inline]
     pub(crate) fn close_barred_raw(&mut self, now: Instant) {
         // Mostly none is open, and this is asked at every event.
@@ -100,7 +100,10 @@ impl Gateway {
     pub(crate) fn close_raw(&mut self, now: Instant, all: bool) {
         while let Some(bus) = self.buses.iter().find(|bus| {
             let refused = |access| self.refuse_raw(bus.index(), access).is_err();
-            bus.raw.as_ref().is_some_and(|raw| all || refused(raw.is_unsafe() || bus.is_borrowed()))
+            let stops = || !self.unstopped.from_rest().and(self.axes.on(bus.index())).is_empty();
+            bus.raw
+                .as_ref()
+                .is_some_and(|raw| all || stops() || refused(raw.is_unsafe() || bus.is_borrowed()))
         }) {
             let index = bus.index();
             self.end_raw(now, index);
