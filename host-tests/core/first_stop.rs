@@ -2,9 +2,11 @@
 //! has acted, and go on with its old setpoint when it hears something: it hears its stop first.
 
 use crate::bench::{self, native, parameter, provision, run_with_host};
+use crate::motors::Shared;
 use crate::rig::Rig;
 use host_protocol::{
-    AxisParameter, AxisState, Error, NoReplyHint, Request, StateField, StateFields, Value, requests,
+    AxisParameter, AxisState, Error, NoReplyHint, Request, Setpoint, StateField, StateFields,
+    Value, requests,
 };
 
 /// TC 0 and LS to node 11 (Thruster manual §2.1, §4.1).
@@ -76,6 +78,48 @@ fn another_motor_on_the_axis_hears_its_stop_too() {
     let since = rig.now_us;
     ask_state(&mut rig);
     assert!(!rig.sent_since(0, since).contains(&STOP));
+}
+
+/// An armed thruster at half its signal whose cable is cut behind another node, which goes on
+/// acknowledging: given up, and cleared without a confirmed stop.
+fn given_up() -> (Rig, Shared) {
+    let (mut rig, play) = bench::thruster();
+    bench::move_axis(&mut rig, Setpoint::Signal { fraction: 0.5 });
+    play.borrow_mut().mute = true;
+    bench::stop(&mut rig);
+    run_with_host(&mut rig, 2_000_000);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+    rig.ask(Request::ClearUnreachable(requests::ClearUnreachable { axis: 0 })).unwrap();
+    (rig, play)
+}
+
+#[test]
+fn a_thruster_that_was_unreachable_hears_its_stop_before_anything_else() {
+    for (what, ask) in ASKS {
+        let (mut rig, play) = given_up();
+        run_with_host(&mut rig, 100_000);
+        play.borrow_mut().mute = false;
+        let since = rig.now_us;
+        ask(&mut rig);
+        let sent = rig.sent_since(0, since);
+        assert!(sent.len() > 1 && sent[0] == STOP, "{what}: {sent:?}");
+    }
+}
+
+/// A stop that leaves and is not answered may not have been heard.
+#[test]
+fn a_thruster_that_does_not_answer_is_stopped_before_each_question_until_it_does() {
+    let (mut rig, play) = given_up();
+    let fields = StateFields::of(&[StateField::Velocity]);
+    let request = requests::Subscribe { axes: 1, fields, period_us: 20_000 };
+    rig.ask(Request::Subscribe(request)).unwrap();
+    run_with_host(&mut rig, 3_500_000);
+    play.borrow_mut().mute = false;
+    let since = rig.now_us;
+    run_with_host(&mut rig, 2_000_000);
+    let sent = rig.sent_since(0, since);
+    assert!(sent.len() > 2 && sent[0] == STOP, "{sent:?}");
+    assert!(!sent[1..].contains(&STOP), "once it has answered: {sent:?}");
 }
 
 #[test]

@@ -179,6 +179,7 @@ impl Axis {
             Match::Unasked => return Some(self.unasked(now, received, out)),
         };
         self.silence = Silence::NONE;
+        self.first_stop_heard();
         match outcome {
             Outcome::Answered => self.answered(now, &request, &seen, data, out),
             Outcome::Refused => self.refused(now, &request, out),
@@ -196,6 +197,7 @@ impl Axis {
     /// A request was given up: its window has closed, or its frame cannot leave.
     fn unanswered(&mut self, now: Instant, request: &Transaction, out: &mut Outbox<'_>) {
         self.not_delivered(request);
+        self.first_stop_may_be_lost(request.exchange);
         self.motion_over(request, CycleResult::NoReply);
         self.part_over(request, CycleResult::NoReply);
         let enough = self.config.missed_replies();

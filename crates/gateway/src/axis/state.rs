@@ -1,5 +1,6 @@
 //! The state of an axis, with what belongs to it, and every way from one state to another.
 
+use super::first_stop::FirstStop;
 use super::setpoint::Motion;
 use super::{Axis, Silence, Stop};
 use crate::measured::Observation;
@@ -412,6 +413,7 @@ impl Axis {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.doubt_motor_timeout();
+        self.first_stop = FirstStop::Owed;
         self.transactions.preempt();
         self.enter(State::Idle, out);
         Ok(())
