@@ -8,8 +8,8 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Incident, Reply, Request, Setpoint,
-    StopAction, StopTarget, TripReason, Value, requests,
+    AxisParameter, AxisState, Error, Event as HostEvent, Incident, Protocol, ProtocolSet, Reply,
+    Request, Setpoint, StopAction, StopTarget, TripReason, Value, requests,
 };
 
 const TIMEOUT_MS: u32 = 400;
@@ -154,6 +154,43 @@ fn nobody_who_reads_keeps_an_idle_motor_that_turns_from_stopping_by_its_own_time
     let silences = silences(&rig, 0, since);
     let long = silences.iter().filter(|gap| **gap + 10_000 >= SILENCE_US).count();
     assert!(long >= 4, "{silences:?}");
+}
+
+/// What its own timeout counts from is the last request that it has heard, answered or not.
+#[test]
+fn a_question_of_many_reads_ends_before_the_pause_of_an_idle_motor_that_turns_begins() {
+    const SHORT_MS: u32 = 100;
+    const PAUSE_US: u64 = 150_000;
+    const WINDOW_US: u64 = 20_000;
+    let (mut rig, play) = bench::rmd(StopAction::Coast);
+    let slow = requests::ConfigureBus {
+        bus: 0,
+        bitrate: 1_000_000,
+        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
+        exclusive: false,
+        reply_window_us: 20_000,
+    };
+    rig.ask(Request::ConfigureBus(slow)).unwrap();
+    bench::provision(&mut rig, SHORT_MS).unwrap();
+    move_axis(&mut rig, VELOCITY);
+    play.borrow_mut().turning = true;
+    stop(&mut rig);
+    run_with_host(&mut rig, 10_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Idle);
+    rig.instead(
+        |text| {
+            if text.starts_with("141#9A") { Instead::Nothing } else { Instead::AsUsual }
+        },
+    );
+    let since = rig.now_us;
+    for _ in 0..100 {
+        rig.send(&Request::ReadState(requests::ReadState { axis: 0 }));
+        run_with_host(&mut rig, 10_000);
+    }
+    // But for the windows of what is not answered.
+    let pauses = silences(&rig, 0, since).into_iter().filter(|gap| *gap > 3 * WINDOW_US);
+    let pauses = pauses.collect::<Vec<_>>();
+    assert!(pauses.len() >= 4 && pauses.iter().all(|gap| *gap >= PAUSE_US), "{pauses:?}");
 }
 
 /// A motor that hears every stop and refuses it.

@@ -77,9 +77,20 @@ impl Axis {
     fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
         let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
         if matches!(self.state, State::Idle) && turns {
-            let pause =
-                self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
-            self.state_poll_at = now + pause;
+            self.begin_pause(now);
+        }
+    }
+
+    fn begin_pause(&mut self, now: Instant) {
+        let pause = self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
+        self.state_poll_at = now + pause;
+    }
+
+    /// Something has left for the motor: the pause of one that is left alone begins behind what it
+    /// has heard last, as more than one value may be read for a question.
+    pub(super) fn prolong_pause(&mut self, now: Instant) {
+        if matches!(self.state, State::Idle) && self.left_alone_at_rad_s(now).is_some() {
+            self.begin_pause(now);
         }
     }
 

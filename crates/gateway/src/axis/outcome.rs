@@ -61,6 +61,7 @@ impl Axis {
             return;
         };
         self.note_first_stop(request.exchange);
+        self.prolong_pause(now);
         if let Some(job) = &mut self.job {
             job.note_transmitted(&request.command);
         }
