@@ -239,3 +239,18 @@ fn a_motor_that_was_unreachable_may_be_another_one() {
         assert_eq!(arm_allowing(&mut rig, false, false), after);
     }
 }
+
+/// At level 0 the motor answers nothing, not even a reading of its switch.
+#[test]
+fn a_timeout_that_nothing_reads_back_is_not_verified() {
+    let (mut rig, _) = bench::d5();
+    let report = |timeout| {
+        let report = host_protocol::replies::MotorTimeoutReport { timeout };
+        Ok(Reply::ProvisionMotorTimeout(report))
+    };
+    assert_eq!(provision(&mut rig, 1), report(MotorTimeout::Verified));
+    parameter(&mut rig, 0, AxisParameter::D5AckLevel, Value::Unsigned(0));
+    rig.instead(|_| Instead::Nothing);
+    assert_eq!(provision(&mut rig, 1), report(MotorTimeout::Unknown));
+    assert_eq!(provision(&mut rig, 0), report(MotorTimeout::Off));
+}

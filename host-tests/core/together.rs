@@ -253,3 +253,28 @@ fn no_setpoint_comes_between() {
     assert_eq!(rig.answer(between), Some(Err(Error::Busy { axis: 0 })));
     assert_eq!(rig.answer(started), Some(Ok(Reply::StartTogether(replies::Done {}))));
 }
+
+/// At level 0 nothing tells whether a write waits, and at level 1 nothing whether it was overwritten
+/// before it is carried out.
+#[test]
+fn beside_a_motor_that_does_not_answer_writes_nobody_starts() {
+    for level in [0, 1] {
+        let mut rig = three();
+        bench::parameter(&mut rig, 2, AxisParameter::D5AckLevel, Value::Unsigned(level));
+        let members = two_armed(&mut rig);
+        // A stranger has had 600 °/s wait in motor 1.
+        let _ = (rig.motor)(0, 1, "001#D501050420580284");
+        rig.instead(move |text| match (text.get(..3), text.get(10..12)) {
+            (Some("001"), Some("04")) => Instead::Nothing,
+            (Some("001"), _) if level == 0 => Instead::Nothing,
+            _ => Instead::AsUsual,
+        });
+        let since = rig.now_us;
+        let request = together(&rig, &members);
+        assert_eq!(rig.ask(request), Err(Error::CannotConfirm { axis: 2 }), "level {level}");
+        run_with_host(&mut rig, 20_000);
+        let sent = rig.sent_since(1, since);
+        let carries_out = |text: &&str| [EXECUTE_ALL, "001#D50105050000000B"].contains(text);
+        assert!(!sent.iter().any(carries_out), "level {level}: {sent:?}");
+    }
+}

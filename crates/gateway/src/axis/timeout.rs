@@ -2,7 +2,7 @@
 //! G4).
 
 use super::{Axis, JobKind};
-use crate::protocol::Info;
+use crate::protocol::{self, Info};
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, Error, MotorTimeout};
 
@@ -129,7 +129,11 @@ impl Axis {
         self.forget_motor_timeout();
         let known = match timeout_ms {
             0 => MotorTimeout::Off,
-            _ if self.tells_whether_on() => MotorTimeout::Verified,
+            _ if self.tells_whether_on() && protocol::can_confirm(&self.config) => {
+                MotorTimeout::Verified
+            }
+            // It was not read back.
+            _ if self.tells_whether_on() => MotorTimeout::Unknown,
             other if is_as_good_as_none(other) => MotorTimeout::Off,
             _ => {
                 self.written_timeout_ms = timeout_ms;

@@ -124,6 +124,10 @@ impl Gateway {
                 continue;
             }
             let index = axis.index;
+            // Nor that nothing waits in one beside them.
+            if !protocol::answers_stops(&axis.config) {
+                return Err(Error::CannotConfirm { axis: index });
+            }
             match axis.state() {
                 AxisState::Idle | AxisState::Holding | AxisState::Armed | AxisState::Active => {}
                 AxisState::Unconfigured => return Err(axis.not_configured()),
