@@ -133,3 +133,37 @@ fn raw_access_is_refused_where_a_motor_holds() {
     output_off(&mut rig).unwrap();
     assert_eq!(rig.ask(open), Ok(Reply::RawOpen(replies::Done {})));
 }
+
+/// While a bus is off nothing is polled, and its motors let go.
+#[test]
+fn a_motor_that_held_on_a_bus_that_was_off_for_its_own_timeout_is_told_to_hold_again() {
+    let mut rig = held();
+    let since = rig.now_us;
+    rig.shorted = true;
+    rig.bus_off(0);
+    run_with_host(&mut rig, 500_000);
+    rig.shorted = false;
+    run_with_host(&mut rig, 1_000_000);
+    assert!(rig.sent_since(0, since).contains(&HOLD));
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+}
+
+#[test]
+fn a_motor_that_was_silent_for_its_own_timeout_is_told_to_hold_again_however_few_replies_it_missed()
+{
+    let (mut rig, play) = bench::rmd_with_timeout(100);
+    bench::parameter(&mut rig, 0, AxisParameter::MissedReplies, Value::Unsigned(20));
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 300_000);
+    for (silent_us, is_stopped) in [(50_000, false), (130_000, true)] {
+        let since = rig.now_us;
+        play.borrow_mut().mute = true;
+        run_with_host(&mut rig, silent_us);
+        assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+        play.borrow_mut().mute = false;
+        run_with_host(&mut rig, 300_000);
+        assert_eq!(rig.sent_since(0, since).contains(&HOLD), is_stopped, "{silent_us}");
+        assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    }
+}

@@ -168,7 +168,22 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Option<Unasked> {
+        let may_have_let_go = self.is_kept_holding() && self.was_silent_for_its_timeout(now);
         self.heard(now);
+        let unasked = self.take_in(now, received, data, out);
+        if may_have_let_go && self.is_kept_holding() {
+            self.halt(now, out);
+        }
+        unasked
+    }
+
+    fn take_in(
+        &mut self,
+        now: Instant,
+        received: &Received,
+        data: &[u8],
+        out: &mut Outbox<'_>,
+    ) -> Option<Unasked> {
         let mut seen = Observation::default();
         let found = self.transactions.received(now, received, &self.config, &mut seen);
         let (request, outcome) = match found {

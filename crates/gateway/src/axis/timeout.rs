@@ -27,6 +27,11 @@ impl Axis {
         }
     }
 
+    /// Whether the motor was not heard for so long that its own timeout has acted.
+    pub(super) fn was_silent_for_its_timeout(&self, now: Instant) -> bool {
+        self.programmed_timeout().is_some_and(|timeout| now.since(self.heard_at) >= timeout)
+    }
+
     /// The motor has been heard.
     pub(super) fn heard(&mut self, now: Instant) {
         self.motor_timeout = self.motor_timeout(now);
