@@ -167,3 +167,17 @@ fn a_motor_that_was_silent_for_its_own_timeout_is_told_to_hold_again_however_few
         assert_eq!(listed(&mut rig, 0), AxisState::Holding);
     }
 }
+
+/// Nor does a host that only looks on, and asks again as soon as it is answered.
+#[test]
+fn questions_keep_no_silent_motor_from_being_told_to_hold_again() {
+    let mut rig = held();
+    rig.instead(|_| Instead::Nothing);
+    let since = rig.now_us;
+    while rig.now_us < since + 1_000_000 {
+        let read = Request::ReadState(requests::ReadState { axis: 0 });
+        let _ = rig.ask_as(1, &read);
+        rig.run(100);
+    }
+    assert!(rig.sent_since(0, since).contains(&HOLD));
+}

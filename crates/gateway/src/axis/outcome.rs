@@ -230,13 +230,6 @@ impl Axis {
             self.trip(now, TripReason::MotorSilent, out);
             return;
         }
-        if self.is_kept_holding() && silent && self.job.is_none() {
-            // Whether it still holds is not known: its own timeout may have cut the output, or its
-            // power is off.
-            self.silence = Silence::NONE;
-            self.halt(now, out);
-            return;
-        }
         if self.is_idle_or_holding() && self.job.is_none() && !self.is_kept_holding() {
             // Who watches a motor that does not answer must not take the others' time.
             self.state_poll_at = now + SILENT_POLL;
@@ -245,6 +238,12 @@ impl Axis {
             self.stop_goes_on(now, request, Outcome::NoReply, &Observation::default(), out);
         }
         self.job_unanswered(now, request, out);
+        // Whether it still holds is not known: its own timeout may have cut the output, or its
+        // power is off. Who only asks does not keep it from being told again.
+        if self.is_kept_holding() && silent && !self.is_busy_with_more_than_a_question() {
+            self.silence = Silence::NONE;
+            self.halt(now, out);
+        }
     }
 
     fn answered(
