@@ -2,11 +2,11 @@
 //! and how much fits.
 
 use crate::bench::{self, run_with_host};
-use crate::rig::Rig;
+use crate::rig::{BOARD_AGAIN, Rig};
 use gateway::Event;
 use host_protocol::{
-    AxisParameter, AxisState, BusState, Change, Error, Event as HostEvent, GatewayParameter, Reply,
-    Request, Setting, StopAction, Subject, Text, Value, replies, requests,
+    AxisParameter, AxisState, BusState, Change, Error, Event as HostEvent, GatewayParameter,
+    Protocol, Reply, Request, Setting, StopAction, Subject, Text, Value, replies, requests,
 };
 
 const LIMIT: u16 = AxisParameter::VelocityLimitRadS.number();
@@ -220,4 +220,39 @@ fn a_bus_that_is_no_longer_configured_is_silent() {
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
     bench::configure_bus(&mut rig, 0, 1_000_000, &[host_protocol::Protocol::Rmd]);
     assert!(rig.gateway.bus_setup(0).is_some());
+}
+
+/// A host that only looks on, at a motor that does not answer.
+fn look_on(rig: &mut Rig) {
+    rig.send_as(1, &Request::ReadState(requests::ReadState { axis: 0 }));
+    rig.run(1_000);
+}
+
+#[test]
+fn questions_keep_nobody_from_changing_and_saving_the_configuration() {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    let rows = rig.rows();
+    rig.power_on_as(&BOARD_AGAIN, &rows);
+    rig.handle(Event::EStopInput { open: false });
+    bench::hello(&mut rig);
+    run_with_host(&mut rig, 100_000);
+    bench::output_off(&mut rig).unwrap();
+    play.borrow_mut().mute = true;
+    look_on(&mut rig);
+    bench::parameter(&mut rig, 0, AxisParameter::VelocityLimitRadS, Value::Float(5.0));
+    // Who looked on is told what is known.
+    let ping = Request::Ping(requests::Ping {});
+    assert!(matches!(rig.ask_as(1, &ping), Ok(Reply::ReadState(_))));
+    look_on(&mut rig);
+    bench::configure_bus(&mut rig, 0, 500_000, &[Protocol::Rmd]);
+    look_on(&mut rig);
+    let saved = rig.send(&Request::SaveConfiguration(requests::SaveConfiguration {}));
+    rig.run(100);
+    assert!(rig.gateway.take_save().is_some(), "{:?}", rig.answer(saved));
+    rig.handle(Event::Saved { result: Ok(()) });
+    rig.run(100);
+    assert!(matches!(rig.answer(saved), Some(Ok(Reply::SaveConfiguration(_)))));
+    look_on(&mut rig);
+    let removed = rig.ask(Request::RemoveAxis(requests::RemoveAxis { axis: 0 }));
+    assert_eq!(removed, Ok(Reply::RemoveAxis(replies::Done {})));
 }

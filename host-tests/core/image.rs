@@ -365,3 +365,18 @@ fn an_image_that_was_not_confirmed_is_told() {
     begin(&mut rig);
     bench::arm(&mut rig);
 }
+
+#[test]
+fn questions_put_off_no_start_into_another_image() {
+    let mut rig = rig(FoundImage::Kept);
+    begin(&mut rig);
+    for (offset, length) in [(0, 128), (128, 32)] {
+        assert!(store(&mut rig, write(offset, length), Ok(())).is_ok());
+    }
+    assert!(matches!(store(&mut rig, finish(), Ok(())), Ok(Reply::FinishImage(_))));
+    rig.instead(|_| Instead::Nothing);
+    rig.send_as(1, &requests::ReadState { axis: 0 }.into());
+    rig.run(1_000);
+    let later = rig.now() + Duration::from_millis(100);
+    assert!(restarts(&mut rig, later));
+}

@@ -276,10 +276,8 @@ impl Rig {
 
     /// Sends a request on another link and returns what it is answered there within 100 ms.
     pub fn ask_as(&mut self, link: u8, request: &Request) -> Result<Reply, Error> {
-        self.sequence += 1;
+        self.send_as(link, request);
         let mut out = [0; MAX_FRAME];
-        let length = request.encode_frame(self.sequence, &mut out).unwrap();
-        self.handle(Event::HostBytes { link, bytes: &out[..length] });
         let mut deframer = Deframer::new();
         for _ in 0..1_000 {
             while let Some(length) =
@@ -301,10 +299,15 @@ impl Rig {
 
     /// Sends a request without waiting.
     pub fn send(&mut self, request: &Request) -> u16 {
+        self.send_as(0, request)
+    }
+
+    /// The same on another link.
+    pub fn send_as(&mut self, link: u8, request: &Request) -> u16 {
         self.sequence += 1;
         let mut frame = [0; MAX_FRAME];
         let length = request.encode_frame(self.sequence, &mut frame).unwrap();
-        self.bytes(&frame[..length]);
+        self.handle(Event::HostBytes { link, bytes: &frame[..length] });
         self.sequence
     }
 

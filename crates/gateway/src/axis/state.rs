@@ -229,9 +229,10 @@ impl Axis {
         matches!(self.state, State::Idle | State::Holding)
     }
 
-    /// Whether the axis may be configured: nothing is allowed and nothing is under way.
+    /// Whether the axis may be configured: nothing is allowed, and nothing under way but a question.
     pub fn is_at_rest(&self) -> bool {
-        (!self.is_configured() || self.is_idle_or_holding()) && self.job.is_none()
+        (!self.is_configured() || self.is_idle_or_holding())
+            && !self.is_busy_with_more_than_a_question()
     }
 
     /// Whether the axis needs its bus: it keeps its motor holding, may move or moves, or has yet to

@@ -161,7 +161,7 @@ impl Gateway {
     /// Refuses another configuration of an axis while it is in use.
     fn check_state(&self, axis: &Axis, config: &AxisConfig) -> Result<()> {
         let index = axis.index;
-        if axis.is_busy() {
+        if axis.is_busy_with_more_than_a_question() {
             return Err(Error::Busy { axis: index });
         }
         if !axis.is_at_rest() {
@@ -219,6 +219,10 @@ impl Gateway {
         if let Some(silence) = self.draft.silence {
             self.authority.silence = silence;
         }
+        let of_bus =
+            |axis: &Axis| axis.config.bus().is_some_and(|bus| self.draft.bus(bus).is_some());
+        let changed = self.draft.axes().with(self.axes.those(Set::ALL, of_bus));
+        self.each_axis(now, changed, |axis, out| axis.make_way(now, out));
         for bus in self.draft.buses().numbers() {
             self.end_raw(now, bus);
             self.on_bus(now, bus, |bus, axes, out| bus.configured(now, axes, out));
