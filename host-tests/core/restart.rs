@@ -105,3 +105,33 @@ fn only_a_confirmed_trip_of_a_motor_that_can_restart_is_cleared_so() {
         Err(Error::Unsupported { axis: 0, protocol: host_protocol::Protocol::Thruster })
     );
 }
+
+/// What ends the clearing does not end the restart.
+#[test]
+fn a_stop_or_a_dead_bus_during_a_restart_makes_no_axis_unreachable() {
+    let ends: [fn(&mut Rig); 3] = [bench::e_stop, bench::stop, |rig| rig.bus_off(0)];
+    for (number, end) in ends.into_iter().enumerate() {
+        let mut rig = tripped(u32::MAX, AFTER);
+        let since = rig.now_us;
+        rig.send(&RESTART);
+        run_with_host(&mut rig, 300_000);
+        assert!(rig.sent_since(0, since).contains(&TELL));
+        end(&mut rig);
+        run_with_host(&mut rig, 2_650_000);
+        assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true }, "{number}");
+        // It has had its time.
+        run_with_host(&mut rig, 3_000_000);
+        assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false }, "{number}");
+    }
+}
+
+/// A motor that is seen to be back owes its answers again.
+#[test]
+fn the_silence_of_a_motor_that_has_restarted_counts() {
+    let mut rig = tripped(0, AFTER);
+    assert_eq!(rig.ask(RESTART), Ok(Reply::ClearByRestart(replies::Done {})));
+    rig.instead(|_| Instead::Nothing);
+    bench::stop(&mut rig);
+    run_with_host(&mut rig, 1_000_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+}

@@ -14,7 +14,7 @@ impl Axis {
         let axis = self.index;
         match self.job_kind() {
             Some(JobKind::Arm { .. }) => self.check_arming_step(exchange, seen),
-            Some(JobKind::Clear | JobKind::Restart(_)) => {
+            Some(JobKind::Clear | JobKind::Restart) => {
                 match (self.barring(seen), seen.velocity_rad_s, self.trip_reason()) {
                     (Some(faults), ..) => {
                         Err(Error::CauseRemains { axis, reason: TripReason::MotorFault { faults } })

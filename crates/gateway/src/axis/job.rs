@@ -4,7 +4,6 @@
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
 use super::Axis;
-use super::restart::Restart;
 use super::sequence::Sequence;
 use super::state::State;
 use crate::config::AxisConfig;
@@ -62,7 +61,7 @@ pub(crate) enum JobKind {
     /// tripped state.
     Clear,
     /// Have the motor start anew, see that it has, and clear.
-    Restart(Restart),
+    Restart,
     /// Send a native command that is no motion, and hand its reply on.
     Native {
         /// The command.
@@ -108,7 +107,7 @@ impl JobKind {
             Self::ReadState => info.state,
             Self::Recognise => info.recognising,
             Self::Clear => info.clearing,
-            Self::Restart(_) => info.restarting,
+            Self::Restart => info.restarting,
             Self::Provision { .. } => &[Exchange::RenewTimeout, Exchange::TimeoutSwitch],
             Self::OutputOff => &[Exchange::OutputOff],
             // Whether it has restarted since is seen by its run time before.
@@ -311,7 +310,7 @@ impl Axis {
             }
             return;
         }
-        if self.is_restarting() {
+        if self.waits_for_restart() {
             self.ask_restarted_again(
                 now,
                 Error::NoReply { axis: self.index, hint: NoReplyHint::None },
@@ -393,7 +392,7 @@ impl Axis {
 
     /// Ends a clearing, for a stop that a host has asked for since.
     pub(super) fn give_up_clearing(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        if matches!(self.job_kind(), Some(JobKind::Clear | JobKind::Restart(_))) {
+        if matches!(self.job_kind(), Some(JobKind::Clear | JobKind::Restart)) {
             self.fail(now, self.aborted(), out);
         }
     }
@@ -464,7 +463,7 @@ impl Axis {
                 let done = Reply::Clear(Done {});
                 self.end_job(now, &done, out);
             }
-            JobKind::Restart(_) => {
+            JobKind::Restart => {
                 // The restart has switched the output off; the stop switches it on again.
                 self.cleared(now, false, out);
                 let done = Reply::ClearByRestart(Done {});

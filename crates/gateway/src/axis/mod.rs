@@ -30,7 +30,6 @@ pub(crate) use look::{Is, Look};
 pub use part::PERIOD_US;
 pub(crate) use part::Waits;
 pub(crate) use polls::{Priority, Request};
-pub(crate) use restart::Restart;
 pub(crate) use setpoint::{NativeMotion, Permit};
 pub(crate) use stop::Stop;
 
@@ -93,6 +92,8 @@ pub(crate) struct Axis {
     heard_at: Instant,
     /// Time since the motor started, as last read.
     run_time: RunTime,
+    /// Until then the motor may be silent, as it was told to restart and is not known to be back.
+    restarts_until: Instant,
     /// A command was sent that acts only after a restart. It outlives a reset of the gateway.
     restart_owed: bool,
     /// An asynchronous write waits in the motor.
@@ -130,6 +131,7 @@ impl Axis {
             written_timeout_ms: 0,
             heard_at: Instant::from_micros(0),
             run_time: RunTime::UNKNOWN,
+            restarts_until: Instant::from_micros(0),
             restart_owed: false,
             write_waits: false,
             first_stop: FirstStop::Owed,
@@ -158,6 +160,7 @@ impl Axis {
             self.state_poll_at = Instant::default();
             self.forget_motor_timeout();
             self.run_time = RunTime::UNKNOWN;
+            self.restarts_until = Instant::default();
             self.measured = Measured::new();
             self.angle = Angle::UNKNOWN;
             self.evidence = Evidence::NONE;

@@ -53,6 +53,7 @@ impl Axis {
         };
         self.transactions.begin(now, exchange, command, slot, mark, &self.config);
         self.note_handed(now, exchange);
+        self.note_restart(now, exchange);
     }
 
     /// The frame in `slot` has left; its reply may come within `window`.
@@ -62,6 +63,7 @@ impl Axis {
         };
         self.note_first_stop(request.exchange);
         self.prolong_pause(now);
+        self.note_restart(now, request.exchange);
         if let Some(job) = &mut self.job {
             job.note_transmitted(&request.command);
         }

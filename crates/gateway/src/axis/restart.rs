@@ -3,7 +3,7 @@
 
 use super::{Axis, JobKind};
 use crate::outbox::Outbox;
-use crate::protocol::Sets;
+use crate::protocol::{Exchange, Sets};
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{Error, TripReason};
@@ -42,57 +42,39 @@ impl RunTime {
     }
 }
 
-/// A restart under way.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub(crate) struct Restart {
-    /// When the motor's run time was read before it was told.
-    since: Option<Instant>,
-    /// It has restarted since.
-    is_seen: bool,
-}
-
-impl Restart {
-    /// The step after which the motor restarts.
-    const TELLS: usize = 1;
-    /// The step in which it is asked until it is back.
-    const WAITS: usize = 2;
-}
-
 impl Axis {
-    /// Whether the motor has been told to restart and is not known to be back: its silence says
-    /// nothing.
-    pub(super) fn is_restarting(&self) -> bool {
-        self.restart_under_way().is_some_and(|(step, _)| step == Restart::WAITS)
+    /// The bus has taken an exchange, from when on it may leave also where a stop preempts it, or it
+    /// has left. Whatever ends the job that has told the motor to restart, a stop or a bus that goes
+    /// off, the motor's silence says nothing until it is back.
+    pub(super) fn note_restart(&mut self, now: Instant, exchange: Exchange) {
+        if exchange == Exchange::Restart {
+            self.restarts_until = now + RESTARTS_WITHIN;
+        }
     }
 
-    fn restart_under_way(&self) -> Option<(usize, Restart)> {
-        let job = self.job.as_ref()?;
-        match job.kind {
-            JobKind::Restart(restart) => Some((job.sequence.at(), restart)),
-            _ => None,
-        }
+    /// Whether the job has told the motor to restart, and asks until it is back.
+    pub(super) fn waits_for_restart(&self) -> bool {
+        self.job.as_ref().is_some_and(|job| {
+            job.kind == JobKind::Restart
+                && job.sequence.step() == Some(Exchange::RunTime)
+                && job.sequence.has_passed(Exchange::Restart)
+        })
     }
 
     /// The job has read the run time. Whether that is not yet the one after the restart, so that it
     /// is asked again.
     pub(super) fn awaits_restart(&mut self, now: Instant, out: &mut Outbox<'_>) -> bool {
-        let Some(job) = &mut self.job else { return false };
-        match &mut job.kind {
-            JobKind::Restart(restart) if job.sequence.at() < Restart::TELLS => {
-                restart.since = Some(now)
-            }
-            JobKind::Restart(restart)
-                if job.sequence.at() == Restart::WAITS && !restart.is_seen =>
-            {
-                self.ask_restarted_again(now, Error::NotRestarted { axis: self.index }, out);
-                return true;
-            }
-            JobKind::Native { command, .. } if command.sets() == Sets::AfterRestart => {
-                self.set_restart_owed(true);
-            }
-            _ => {}
+        if let Some(JobKind::Native { command, .. }) = self.job_kind()
+            && command.sets() == Sets::AfterRestart
+        {
+            self.set_restart_owed(true);
         }
-        false
+        let is_back = self.restarts_until == Instant::default();
+        let awaits = self.waits_for_restart() && !is_back;
+        if awaits {
+            self.ask_restarted_again(now, Error::NotRestarted { axis: self.index }, out);
+        }
+        awaits
     }
 
     /// The motor tells its run time, asked for at `asked`. Where it has restarted an armed axis
@@ -111,9 +93,7 @@ impl Axis {
             return;
         }
         self.set_restart_owed(false);
-        if let Some(JobKind::Restart(restart)) = self.job.as_mut().map(|job| &mut job.kind) {
-            restart.is_seen = restart.since.is_some();
-        }
+        self.restarts_until = Instant::default();
         if self.is_armed() {
             self.trip(now, TripReason::MotorRestarted, out);
         }
@@ -131,8 +111,7 @@ impl Axis {
 
     /// Asks again a little later, unless the motor has had its time: then the job fails.
     pub(super) fn ask_restarted_again(&mut self, now: Instant, error: Error, out: &mut Outbox<'_>) {
-        let told_at = self.restart_under_way().and_then(|(_, restart)| restart.since);
-        if told_at.is_none_or(|at| now.since(at) >= RESTARTS_WITHIN) {
+        if self.restarts_until <= now {
             self.fail(now, error, out);
         } else if let Some(job) = &mut self.job {
             job.since = now + BACK_POLL;

@@ -29,6 +29,7 @@ impl Axis {
             written_timeout_ms,
             heard_at,
             run_time,
+            restarts_until,
             restart_owed,
             write_waits,
             first_stop,
@@ -48,7 +49,7 @@ impl Axis {
             }
             _ => {
                 let timeout = (motor_timeout, written_timeout_ms, heard_at, run_time);
-                let flags = (restart_owed, write_waits, first_stop);
+                let flags = (restarts_until, restart_owed, write_waits, first_stop);
                 let rest = (evidence, is_unsaved, row_was_told);
                 (angle, timeout, flags, rest, telemetry).serialize(to)
             }

@@ -23,7 +23,7 @@ impl Axis {
     ) {
         let still = self.still(seen);
         let is_of_job = self.job_step() == Some(request.exchange);
-        let restarts = self.is_restarting();
+        let restarts = now < self.restarts_until;
         let before = self.state();
         let is_tripped = self.tripped().is_some();
         let Self { state: State::Stopping(stop) | State::Tripped(_, stop), config, .. } = self

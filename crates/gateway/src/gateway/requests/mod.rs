@@ -16,7 +16,7 @@ pub(crate) use running::Running;
 pub(crate) use together::Together;
 
 use crate::MAX_AXES_WIRE;
-use crate::axis::{Axis, Is, JobKind, Restart};
+use crate::axis::{Axis, Is, JobKind};
 use crate::bus::Bus;
 use crate::gateway::unstopped::Why;
 use crate::gateway::{Gateway, unknown_bus};
@@ -338,7 +338,7 @@ impl Gateway {
         if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can(Exchange::Restart)) {
             return Err(Error::Unsupported { axis: index, protocol });
         }
-        self.start(now, index, JobKind::Restart(Restart::default()), ticket)
+        self.start(now, index, JobKind::Restart, ticket)
     }
 
     fn output_off(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
