@@ -57,6 +57,7 @@ mod snapshot;
 mod stop_again;
 mod stops;
 mod subscriptions;
+mod swallowed;
 mod text;
 mod thruster;
 mod thruster_returns;

@@ -170,11 +170,11 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Option<Unasked> {
-        let may_have_let_go = self.is_kept_holding() && self.was_silent_for_its_timeout(now);
+        let may_have_let_go = self.is_held() && self.was_silent_for_its_timeout(now);
         self.heard(now);
         let unasked = self.take_in(now, received, data, out);
-        if may_have_let_go && self.is_kept_holding() {
-            self.halt(now, out);
+        if may_have_let_go {
+            self.hold_again(now, out);
         }
         unasked
     }

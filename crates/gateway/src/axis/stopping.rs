@@ -72,10 +72,30 @@ impl Axis {
             }
             return;
         }
+        self.stop_anew(now, out);
+    }
+
+    /// The confirmed stop of a tripped axis begins anew.
+    fn stop_anew(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let before = self.state();
         if let State::Tripped(_, stop) = &mut self.state {
             *stop = Stop::new(now, false, &self.config);
             self.no_longer_confirmed(now, before, out);
+        }
+    }
+
+    /// Whether the motor holds, as far as is known, and needs to hear something for it.
+    pub(super) fn is_held(&self) -> bool {
+        let is_confirmed = self.stop().is_some_and(Stop::is_confirmed);
+        self.is_kept_holding() || self.must_hold() && is_confirmed
+    }
+
+    /// Its own timeout may have cut the output since: it is told to hold again.
+    pub(super) fn hold_again(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        if self.is_kept_holding() {
+            self.halt(now, out);
+        } else if self.is_held() {
+            self.stop_anew(now, out);
         }
     }
 

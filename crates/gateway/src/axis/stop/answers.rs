@@ -192,7 +192,22 @@ impl Stop {
             // What is not needed for the stop itself, or confirmed already.
             _ => {}
         }
+        if exchange == Exchange::Stop && !self.is_confirmed() {
+            self.missed();
+        }
         if is_of_job { StopEffect::None } else { came_to_nothing_by(exchange) }
+    }
+
+    /// The motor has not answered a stop command: it may have let go by its own timeout, and
+    /// answers the first command after that and ignores it (docs/rmd-dialects.md). It takes two
+    /// again, and where it is to hold, what they led to is read anew.
+    fn missed(&mut self) {
+        self.sent = 0;
+        let reads = self.sequence.step() == Some(Exchange::Velocity);
+        if reads && self.detour == Detour::None && !self.sequence.comes_again(Exchange::LockBrake) {
+            self.acknowledged = false;
+            self.sequence.restart();
+        }
     }
 
     /// It came to nothing once more. Returns whether that makes `enough` for a motor that is not

@@ -1,0 +1,84 @@
+//! An RMD whose own timeout has acted answers the next command and ignores it: what it should hold
+//! is held by the one behind.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use crate::bench::{self, HOLD, arm, clear, listed, run_with_host, setpoint};
+use crate::rig::Rig;
+use host_protocol::{AxisParameter, AxisState, Setpoint, Value};
+
+const TIMEOUT_US: u64 = 300_000;
+
+/// A motor that lets go by its own timeout, and can be unplugged.
+#[derive(Default)]
+struct Motor {
+    is_unplugged: Cell<bool>,
+    heard_us: Cell<u64>,
+    is_on: Cell<bool>,
+}
+
+/// An RMD that holds, with such a motor.
+fn held_motor() -> (Rig, Rc<Motor>) {
+    let (mut rig, _) = bench::rmd_with_timeout(300);
+    let motor = Rc::new(Motor::default());
+    let (plays, mut usual) =
+        (motor.clone(), std::mem::replace(&mut rig.motor, Box::new(|_, _, _| None)));
+    rig.motor = Box::new(move |now, bus, text| {
+        if plays.is_unplugged.get() {
+            return None;
+        }
+        let is_late = now - plays.heard_us.replace(now) > TIMEOUT_US;
+        plays.is_on.set(if is_late { false } else { plays.is_on.get() || text == HOLD });
+        usual(now, bus, text)
+    });
+    (rig, motor)
+}
+
+/// Runs until something is told of the axis, at most a second.
+fn run_until(rig: &mut Rig, is_so: impl Fn(AxisState) -> bool) {
+    for _ in 0..1_000 {
+        if is_so(listed(rig, 0)) {
+            return;
+        }
+        run_with_host(rig, 1_000);
+    }
+    panic!("{:?}", listed(rig, 0));
+}
+
+#[test]
+fn a_trip_is_confirmed_when_the_motor_holds_again() {
+    let (mut rig, motor) = held_motor();
+    let epoch = arm(&mut rig);
+    let turns = setpoint(&rig, epoch, 90_000, Setpoint::Velocity { velocity_rad_s: 0.0 });
+    rig.ask(turns).unwrap();
+    for silent_us in [310_000, 400_000, 1_300_000] {
+        motor.is_unplugged.set(true);
+        run_with_host(&mut rig, silent_us);
+        motor.is_unplugged.set(false);
+        // Until it is heard again.
+        run_with_host(&mut rig, 50_000);
+        run_until(&mut rig, |state| state == AxisState::Tripped { confirmed: true });
+        assert!(motor.is_on.get(), "after {silent_us} µs");
+    }
+    clear(&mut rig).unwrap();
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    assert!(motor.is_on.get());
+}
+
+#[test]
+fn a_stop_that_is_not_given_up_is_confirmed_when_the_motor_holds_again() {
+    for unplugged_after_us in [0, 1_000, 3_000, 8_000] {
+        let (mut rig, motor) = held_motor();
+        let patience = Value::Unsigned(100);
+        bench::parameter(&mut rig, 0, AxisParameter::StopsBeforeUnreachable, patience);
+        arm(&mut rig);
+        bench::stop(&mut rig);
+        run_with_host(&mut rig, unplugged_after_us);
+        motor.is_unplugged.set(true);
+        run_with_host(&mut rig, 400_000);
+        motor.is_unplugged.set(false);
+        run_until(&mut rig, |state| state == AxisState::Holding);
+        assert!(motor.is_on.get(), "unplugged after {unplugged_after_us} µs");
+    }
+}
