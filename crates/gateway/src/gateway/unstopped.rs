@@ -62,7 +62,7 @@ impl Unstopped {
     }
 
     /// Those of them that stop from rest as well.
-    pub fn from_rest(self) -> Set {
+    pub fn stopped_at_rest_too(self) -> Set {
         if matches!(self.why, Why::EStop | Why::Asked) { self.axes } else { Set::NONE }
     }
 

@@ -100,7 +100,8 @@ impl Gateway {
     pub(crate) fn close_raw(&mut self, now: Instant, all: bool) {
         while let Some(bus) = self.buses.iter().find(|bus| {
             let refused = |access| self.refuse_raw(bus.index(), access).is_err();
-            let stops = || !self.unstopped.from_rest().and(self.axes.on(bus.index())).is_empty();
+            let stops =
+                || !self.unstopped.stopped_at_rest_too().and(self.axes.on(bus.index())).is_empty();
             bus.raw
                 .as_ref()
                 .is_some_and(|raw| all || stops() || refused(raw.is_unsafe() || bus.is_borrowed()))
