@@ -93,8 +93,7 @@ impl Multiplexer {
     /// before it.
     fn next_of(&mut self, now: Duration, id: ProgramId) -> ControlFlow<Option<Vec<u8>>> {
         let watches = self.in_command != Some(id);
-        loop {
-            let Some(program) = self.programs.get_mut(&id) else { break };
+        while let Some(program) = self.programs.get_mut(&id) {
             let Some(turn) = program.queue.front().cloned() else { break };
             let may_hang = program.may_hang(now);
             let body = match turn {
