@@ -214,7 +214,7 @@ impl Axis {
             None => match self.state {
                 State::Idle => false,
                 State::Holding => self.is_kept_holding(),
-                // Without it an RMD lets go, or locks its brake.
+                // Without it the motor lets go, or locks its brake.
                 _ => self.is_polled_to_hold() && self.must_stand(),
             },
         };

@@ -198,9 +198,9 @@ impl Stop {
         if is_of_job { StopEffect::None } else { came_to_nothing_by(exchange) }
     }
 
-    /// The motor has not answered a stop command: it may have let go by its own timeout, and
-    /// answers the first command after that and ignores it (docs/rmd-dialects.md). It takes two
-    /// again, and where it is to hold, what they led to is read anew.
+    /// The motor has not answered a stop command: it may have let go by its own timeout, answers the
+    /// first command after that, and ignores it. It takes two again, and where it is to hold, what
+    /// they led to is read anew.
     fn missed(&mut self) {
         self.sent = 0;
         let reads = self.sequence.step() == Some(Exchange::Velocity);
