@@ -17,7 +17,7 @@ const RESTART: Request = Request::ClearByRestart(requests::ClearByRestart { axis
 /// An axis that has tripped and stands confirmed. Its motor, once told to restart, is silent for so
 /// many requests and then tells `after` as its run time.
 fn tripped(silent_for: u32, after: Instead) -> Rig {
-    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    let (mut rig, _) = bench::rmd_with_timeout(300);
     bench::parameter(&mut rig, 0, AxisParameter::StopsBeforeUnreachable, Value::Unsigned(3));
     move_axis(&mut rig, VELOCITY);
     run_with_host(&mut rig, 500_000);
