@@ -86,10 +86,11 @@ impl Axis {
         self.state_poll_at = now + pause;
     }
 
-    /// Something has left for the motor: the pause of one that is left alone begins behind what it
-    /// has heard last, as more than one value may be read for a question.
+    /// Something has left for the motor: as more than one value may be read for a question, the
+    /// pause of one that is left alone begins behind the last.
     pub(super) fn prolong_pause(&mut self, now: Instant) {
-        if matches!(self.state, State::Idle) && self.left_alone_at_rad_s(now).is_some() {
+        let is_asked = matches!(self.state, State::Idle) && self.job.is_some();
+        if is_asked && self.left_alone_at_rad_s(now).is_some() {
             self.begin_pause(now);
         }
     }

@@ -171,9 +171,8 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Option<Unasked> {
         // Who has it restart has it hold again behind that.
-        let may_have_let_go = self.is_held()
-            && self.was_silent_for_its_timeout(now)
-            && !self.waits_for_restart();
+        let may_have_let_go =
+            self.is_held() && self.was_silent_for_its_timeout(now) && !self.waits_for_restart();
         self.heard(now);
         let unasked = self.take_in(now, received, data, out);
         if may_have_let_go {
