@@ -298,8 +298,8 @@ fn a_brake_that_is_not_seen_to_lock_is_followed_by_the_stop_in_less_than_200_ms(
     }
 }
 
-/// The brake takes up to 150 ms, and its window 300: the motor hears nothing meanwhile, and its own
-/// timeout would leave an open brake and no output.
+/// The brake takes up to 150 ms: the motor hears nothing meanwhile, and its own timeout would leave
+/// an open brake and no output.
 #[test]
 fn a_timeout_that_would_act_while_the_brake_opens_is_refused() {
     let (mut rig, _) = bench::rmd(StopAction::Brake);
@@ -309,7 +309,7 @@ fn a_timeout_that_would_act_while_the_brake_opens_is_refused() {
     let too_short = Error::OutOfRange {
         quantity: Quantity::MotorTimeout,
         value: 60.0,
-        min: 300.0,
+        min: 160.0,
         max: u32::MAX as f32,
     };
     releases(&mut rig, true);
@@ -318,7 +318,7 @@ fn a_timeout_that_would_act_while_the_brake_opens_is_refused() {
     bench::provision(&mut rig, 60).unwrap();
     releases(&mut rig, true);
     assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(too_short));
-    bench::provision(&mut rig, 300).unwrap();
+    bench::provision(&mut rig, 160).unwrap();
     bench::arm(&mut rig);
 }
 

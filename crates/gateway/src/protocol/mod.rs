@@ -35,6 +35,7 @@ use host_protocol::{
     AxisParameter, BusKind, CanFrame, CanId, Error, Protocol, ProtocolSet, Quantity, Setpoint,
     StopAction,
 };
+use rmd::BRAKE_TAKES;
 use serde::{Deserialize, Serialize};
 use thruster::ReturnMode;
 
@@ -410,9 +411,9 @@ pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), 
     let Some(info) = Info::of_axis(config).filter(|_| timeout_ms != 0) else { return Ok(()) };
     let (min, max) = info.timeouts_ms;
     // While arming waits for the brake the motor hears nothing.
-    let release = command(Exchange::ReleaseBrake, config);
-    let unheard_us = release.as_ref().and_then(slow_reply).map_or(0, Duration::as_micros_u32);
-    Quantity::MotorTimeout.check(timeout_ms, (min.max(unheard_us / 1_000), max))
+    let releases = command(Exchange::ReleaseBrake, config).is_some();
+    let unheard = if releases { BRAKE_TAKES } else { Duration::ZERO };
+    Quantity::MotorTimeout.check(timeout_ms, (min.max(unheard.as_micros_u32() / 1_000), max))
 }
 
 /// The bits of a motor's fault word that neither bar arming nor trip the axis: those that it only

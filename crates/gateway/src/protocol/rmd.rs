@@ -523,13 +523,15 @@ pub(crate) fn tells_state(command: &Command) -> bool {
     !matches!(command, Command::Rmd(Request::MotionMode { .. }))
 }
 
-/// The reply window of a command where the motor needs longer than its bus's window: for its brake
-/// motors were seen to take 50 to 150 ms (PROTOCOL-NOTES R20). While it locks, nobody else tells the
-/// motor to hold.
+/// How long a motor may take for its brake: 50 to 150 ms were seen (PROTOCOL-NOTES R20).
+pub(super) const BRAKE_TAKES: Duration = Duration::from_millis(160);
+
+/// The reply window of a command where the motor needs longer than its bus's window. While its
+/// brake locks, nobody else tells the motor to hold.
 pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
     match command {
         Command::Rmd(Request::ReleaseBrake) => Some(Duration::from_millis(300)),
-        Command::Rmd(Request::LockBrake) => Some(Duration::from_millis(160)),
+        Command::Rmd(Request::LockBrake) => Some(BRAKE_TAKES),
         _ => None,
     }
 }
