@@ -245,15 +245,15 @@ fn in_restricted_operation_it_receives_and_acknowledges_and_sends_nothing_until_
     bench.run_for(200 * MICROSECOND);
     assert_eq!(bench.node(node).outcomes(), [true]);
     assert_eq!(bench.read(Register::FdcanRxf0s) & 0x7F, 1);
-    assert_eq!(bench.log(), [(0x123, FrameEnd::Delivered)]);
+    assert_eq!(bench.log(), [(0x123, FrameEnd::Acknowledged)]);
     // INIT and CCE do not clear it.
     for value in [5, 7, 4] {
         bench.write(Register::FdcanCccr, value);
     }
     bench.send(0, &standard(0x001, &[]));
     bench.run_for(200 * MICROSECOND);
-    assert_eq!(bench.log(), [(0x123, FrameEnd::Delivered)]);
+    assert_eq!(bench.log(), [(0x123, FrameEnd::Acknowledged)]);
     bench.write(Register::FdcanCccr, 0);
     bench.run_for(200 * MICROSECOND);
-    assert_eq!(bench.log(), [(0x123, FrameEnd::Delivered), (0x001, FrameEnd::Delivered)]);
+    assert_eq!(bench.log(), [(0x123, FrameEnd::Acknowledged), (0x001, FrameEnd::Acknowledged)]);
 }
