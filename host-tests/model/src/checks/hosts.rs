@@ -167,12 +167,14 @@ impl Oracle {
         if !protocol.has_data_fields_of(data.len()) {
             return false;
         }
+        // Behind a stop that nobody has been told of yet it is not idle any more.
+        let is_idle = axis.told == Told::Idle && axis.duty.is_none();
         match protocol.asked_by_host(data) {
             Purpose::Read => false,
             Purpose::Motion { .. } | Purpose::Change => true,
-            Purpose::Stop => axis.told == Told::Idle,
+            Purpose::Stop => is_idle,
             // With the epoch of an armed axis it is a setpoint, else a stop.
-            Purpose::Rest => axis.told == Told::Idle || axis.armed && axis.epoch == Some(*epoch),
+            Purpose::Rest => is_idle || axis.armed && axis.epoch == Some(*epoch),
         }
     }
 
