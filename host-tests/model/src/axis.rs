@@ -16,6 +16,8 @@ pub(crate) struct Permit {
     /// Whose request it was.
     pub link: u8,
     pub sequence: u16,
+    /// The arming that it was given for.
+    pub epoch: u32,
     /// `None` only where the axis is configured so.
     pub expires_us: Option<u64>,
     /// Accepted and carried out: its expiry stops the axis. What is not in force yet may only let
@@ -223,6 +225,12 @@ impl Axis {
             Told::Holding => self.protocol() == Some(Protocol::Rmd),
             _ => true,
         }
+    }
+
+    /// Which arming it is, once a host is told: what was offered for another one is void.
+    pub fn is_of_epoch(&mut self, epoch: Option<u32>) {
+        self.epoch = epoch;
+        self.permits.retain(|permit| epoch.is_none_or(|epoch| permit.epoch == epoch));
     }
 
     /// Whether the gateway says that it may move or is about to.

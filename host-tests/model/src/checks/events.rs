@@ -170,7 +170,7 @@ impl Oracle {
         let replies = self.links.iter().flat_map(|link| link.records.iter().filter(arms));
         let is_reply = |bytes: &&Vec<u8>| bytes.first() == Some(&REPLY);
         if let Some(reply) = replies.filter_map(|r| r.result.as_ref()).find(is_reply) {
-            axis.epoch = Body(&reply[HEADER..]).u32();
+            axis.is_of_epoch(Body(&reply[HEADER..]).u32());
         }
     }
 

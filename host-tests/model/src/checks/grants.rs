@@ -52,7 +52,7 @@ impl Oracle {
                     }
                     let axis = self.axes.get_mut(usize::from(axis));
                     if let Some(axis) = axis.filter(|axis| axis.armed) {
-                        axis.epoch = epoch;
+                        axis.is_of_epoch(epoch);
                     }
                 }
             }

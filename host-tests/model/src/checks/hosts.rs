@@ -189,7 +189,8 @@ impl Oracle {
         complete: impl FnOnce(Permit) -> Permit,
     ) {
         let Some(axis) = self.axes.get_mut(usize::from(axis)) else { return };
-        if !axis.armed || axis.epoch != Some(epoch) || self.e_stopped {
+        // Allowance: armed, its epoch not told yet, as others are still being armed: a host may guess.
+        if !axis.armed || axis.epoch.is_some_and(|current| current != epoch) || self.e_stopped {
             return;
         }
         #[allow(clippy::cast_possible_truncation)] // The low 32 bits are what the wire carries.
@@ -204,6 +205,7 @@ impl Oracle {
         axis.permits.push(complete(Permit {
             link: 0,
             sequence: 0,
+            epoch,
             expires_us,
             in_force: false,
             is_relative: false,
