@@ -1,11 +1,14 @@
 //! Clearing a trip by a restart of the motor (RMD V3.6 §2.25, §8.1): told once, waited out, seen by
 //! the run time (§2.28).
 
+use std::cell::Cell;
+use std::rc::Rc;
+
 use crate::bench::{self, VELOCITY, listed, move_axis, outcomes, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, NoReplyHint, Reply, Request, StopAction, Value, replies,
-    requests,
+    AxisParameter, AxisState, Error, Event, NoReplyHint, Reply, Request, StopAction, Value,
+    replies, requests,
 };
 
 /// 20 ms.
@@ -55,9 +58,7 @@ fn a_restart_is_told_once_waited_out_and_seen_and_the_silence_counts_as_no_misse
     // It has switched its output off: it holds by a stop that it has heard since.
     let stops = |text: &&&str| **text == bench::HOLD;
     assert!(sent[last("141#9A00000000000000")..].iter().filter(stops).count() >= 2, "{sent:?}");
-    let is_unreachable = |event: &host_protocol::Event| {
-        matches!(event, host_protocol::Event::AxisUnreachable { .. })
-    };
+    let is_unreachable = |event: &Event| matches!(event, Event::AxisUnreachable { .. });
     assert!(!outcomes(&rig).iter().any(is_unreachable));
 }
 
@@ -133,5 +134,35 @@ fn the_silence_of_a_motor_that_has_restarted_counts() {
     rig.instead(|_| Instead::Nothing);
     bench::stop(&mut rig);
     run_with_host(&mut rig, 1_000_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+}
+
+#[test]
+fn a_stop_during_a_restart_that_was_asked_natively_makes_no_axis_unreachable() {
+    for stopped_after_us in [0, 100_000, 1_000_000] {
+        let (mut rig, _) = bench::rmd_with_timeout(300);
+        let restarts = Rc::new(Cell::new(true));
+        let is_silent = restarts.clone();
+        rig.instead(move |_| if is_silent.get() { Instead::Nothing } else { Instead::AsUsual });
+        let restart = bench::native(&rig, 0, &TELL[4..]);
+        rig.ask(restart).unwrap();
+        run_with_host(&mut rig, stopped_after_us);
+        bench::stop(&mut rig);
+        run_with_host(&mut rig, 1_200_000);
+        restarts.set(false);
+        run_with_host(&mut rig, 200_000);
+        assert_eq!(listed(&mut rig, 0), AxisState::Holding, "{stopped_after_us} µs");
+        let unheard =
+            |event: &Event| matches!(event, Event::AxisUnreachable { .. } | Event::Tripped { .. });
+        assert!(!outcomes(&rig).iter().any(unheard));
+    }
+    // One that was armed since owes its answers.
+    let (mut rig, _) = bench::rmd_with_timeout(300);
+    let restart = bench::native(&rig, 0, &TELL[4..]);
+    rig.ask(restart).unwrap();
+    move_axis(&mut rig, VELOCITY);
+    rig.instead(|_| Instead::Nothing);
+    bench::stop(&mut rig);
+    run_with_host(&mut rig, 700_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
 }

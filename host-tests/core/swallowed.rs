@@ -1,12 +1,12 @@
 //! An RMD whose own timeout has acted answers the next command and ignores it: what it should hold
-//! is held by the one behind.
+//! is held by the one behind, and what else it is told is told behind one.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use crate::bench::{self, HOLD, arm, clear, listed, run_with_host, setpoint};
+use crate::bench::{self, COAST, HOLD, arm, clear, listed, run_with_host, setpoint};
 use crate::rig::Rig;
-use host_protocol::{AxisParameter, AxisState, Setpoint, Value};
+use host_protocol::{AxisParameter, AxisState, Request, Setpoint, StopAction, Value, requests};
 
 const TIMEOUT_US: u64 = 300_000;
 
@@ -81,4 +81,62 @@ fn a_stop_that_is_not_given_up_is_confirmed_when_the_motor_holds_again() {
         run_until(&mut rig, |state| state == AxisState::Holding);
         assert!(motor.is_on.get(), "unplugged after {unplugged_after_us} µs");
     }
+}
+
+/// A coasting axis of such a motor, and what the motor was told and has carried out.
+fn coasting_motor() -> (Rig, Rc<RefCell<Vec<String>>>) {
+    let (mut rig, _) = bench::rmd_with_timeout(300);
+    let coast = Value::Unsigned(u32::from(StopAction::Coast.number()));
+    bench::parameter(&mut rig, 0, AxisParameter::StopAction, coast);
+    let obeyed = Rc::new(RefCell::new(Vec::new()));
+    let (told, mut usual) =
+        (obeyed.clone(), std::mem::replace(&mut rig.motor, Box::new(|_, _, _| None)));
+    let (mut heard_us, mut is_deaf) = (rig.now_us, false);
+    rig.motor = Box::new(move |now, bus, text| {
+        is_deaf |= now - std::mem::replace(&mut heard_us, now) > TIMEOUT_US;
+        let reads = ["141#9", "141#B1", "141#B2", "141#B5"];
+        if !reads.iter().any(|read| text.starts_with(read)) && !std::mem::take(&mut is_deaf) {
+            told.borrow_mut().push(text.to_owned());
+        }
+        usual(now, bus, text)
+    });
+    (rig, obeyed)
+}
+
+#[test]
+fn what_a_silent_motor_is_told_goes_behind_a_command_that_it_may_ignore() {
+    let (mut rig, obeyed) = coasting_motor();
+    let acceleration = bench::native(&rig, 0, "4300000010270000");
+    for silent_us in [0, 310_000, 5_000_000] {
+        run_with_host(&mut rig, silent_us);
+        let (since, before) = (rig.now_us, obeyed.borrow().len());
+        bench::answered(rig.ask(acceleration.clone()));
+        assert_eq!(obeyed.borrow()[before..], ["141#4300000010270000"], "{silent_us} µs");
+        let sent: &[&str] = match silent_us {
+            0 => &["141#4300000010270000"],
+            _ => &[COAST, "141#4300000010270000"],
+        };
+        assert_eq!(rig.sent_since(0, since), sent);
+    }
+    run_with_host(&mut rig, 400_000);
+    bench::provision(&mut rig, 300).unwrap();
+    assert_eq!(obeyed.borrow().last().unwrap(), "141#B30000002C010000");
+    // A question goes at once.
+    run_with_host(&mut rig, 400_000);
+    let since = rig.now_us;
+    let question = bench::native(&rig, 0, "9200000000000000");
+    bench::answered(rig.ask(question));
+    assert_eq!(rig.sent_since(0, since), ["141#9200000000000000"]);
+}
+
+#[test]
+fn a_coasting_motor_that_was_silent_is_told_to_restart() {
+    let (mut rig, obeyed) = coasting_motor();
+    bench::parameter(&mut rig, 0, AxisParameter::StopRepeatUs, Value::Unsigned(1_000_000));
+    bench::move_axis(&mut rig, bench::VELOCITY);
+    run_with_host(&mut rig, 1_400_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+    rig.send(&Request::ClearByRestart(requests::ClearByRestart { axis: 0 }));
+    run_with_host(&mut rig, 50_000);
+    assert_eq!(obeyed.borrow().last().unwrap(), "141#7600000000000000");
 }

@@ -158,6 +158,7 @@ impl Axis {
             return;
         }
         self.transactions.job_begins();
+        self.note_timeout(now);
         self.job = Some(Job {
             kind,
             ticket,
@@ -208,6 +209,15 @@ impl Axis {
     /// The exchange that the job wants next.
     pub(super) fn job_step(&self) -> Option<Exchange> {
         self.job.as_ref()?.sequence.step()
+    }
+
+    /// Whether that tells the motor something, beside stops.
+    pub(super) fn job_tells(&self) -> bool {
+        let tells = |step| matches!(step, Exchange::RenewTimeout | Exchange::Restart);
+        match self.job_kind() {
+            Some(JobKind::Native { asks: false, .. }) => self.job_step() == Some(Exchange::Native),
+            _ => self.job_step().is_some_and(tells),
+        }
     }
 
     /// The native command of the job.

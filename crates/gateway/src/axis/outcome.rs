@@ -53,7 +53,7 @@ impl Axis {
         };
         self.transactions.begin(now, exchange, command, slot, mark, &self.config);
         self.note_handed(now, exchange);
-        self.note_restart(now, exchange);
+        self.note_restart(now, &command);
     }
 
     /// The frame in `slot` has left; its reply may come within `window`.
@@ -63,7 +63,7 @@ impl Axis {
         };
         self.note_first_stop(request.exchange);
         self.prolong_pause(now);
-        self.note_restart(now, request.exchange);
+        self.note_restart(now, &request.command);
         if let Some(job) = &mut self.job {
             job.note_transmitted(&request.command);
         }
@@ -199,7 +199,7 @@ impl Axis {
             Match::Unasked => return Some(self.unasked(now, received, out)),
         };
         self.silence = Silence::NONE;
-        self.first_stop_heard();
+        self.first_stop_heard(request.exchange);
         match outcome {
             Outcome::Answered => self.answered(now, &request, &seen, data, out),
             Outcome::Refused => self.refused(now, &request, out),

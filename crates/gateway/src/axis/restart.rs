@@ -3,7 +3,7 @@
 
 use super::{Axis, JobKind};
 use crate::outbox::Outbox;
-use crate::protocol::{Exchange, Sets};
+use crate::protocol::{self, Command, Exchange, Sets};
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
 use host_protocol::{Error, TripReason};
@@ -43,11 +43,11 @@ impl RunTime {
 }
 
 impl Axis {
-    /// The bus has taken an exchange, from when on it may leave also where a stop preempts it, or it
-    /// has left. Whatever ends the job that has told the motor to restart, a stop or a bus that goes
+    /// The bus has taken a command, from when on it may leave also where a stop preempts it, or it
+    /// has left. Whoever has the motor restart, and whatever ends the job, a stop or a bus that goes
     /// off, the motor's silence says nothing until it is back.
-    pub(super) fn note_restart(&mut self, now: Instant, exchange: Exchange) {
-        if exchange == Exchange::Restart {
+    pub(super) fn note_restart(&mut self, now: Instant, command: &Command) {
+        if protocol::command(Exchange::Restart, &self.config).as_ref() == Some(command) {
             self.restarts_until = now + RESTARTS_WITHIN;
         }
     }

@@ -228,7 +228,7 @@ impl Stop {
     }
 
     /// What is repeated: behind a locked brake the stop command would switch the output on again.
-    fn command(&self) -> Exchange {
+    pub fn command(&self) -> Exchange {
         if self.is_braked() { Exchange::OutputOff } else { Exchange::Stop }
     }
 

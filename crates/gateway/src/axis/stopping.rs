@@ -46,6 +46,7 @@ impl Axis {
         let is_confirmed = stop.is_confirmed();
         match effect {
             StopEffect::None => {}
+            StopEffect::CameToNothing if restarts => {}
             StopEffect::CameToNothing => self.count_unconfirmed(now, out),
             StopEffect::BrakeUnverified => {
                 out.event(&Event::BrakeUnverified { axis: self.index, locked: true });

@@ -32,8 +32,14 @@ impl Axis {
         self.programmed_timeout().is_some_and(|timeout| now.since(self.heard_at) >= timeout)
     }
 
+    /// Whether what the motor is told next will be ignored (PROTOCOL-NOTES R20).
+    pub(super) fn note_timeout(&mut self, now: Instant) {
+        self.ignores_next |= self.is_polled_to_hold() && self.was_silent_for_its_timeout(now);
+    }
+
     /// The motor has been heard.
     pub(super) fn heard(&mut self, now: Instant) {
+        self.note_timeout(now);
         self.motor_timeout = self.motor_timeout(now);
         self.heard_at = now;
     }
@@ -94,6 +100,8 @@ impl Axis {
     pub(super) fn timeout_renewed(&mut self) {
         if let Some(timeout_ms) = self.renewed_timeout_ms() {
             self.motor_timeout = MotorTimeout::Written { timeout_ms };
+            // Nobody knows for how long it was not heard.
+            self.ignores_next = true;
         }
     }
 

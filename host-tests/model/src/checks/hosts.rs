@@ -73,6 +73,8 @@ impl Oracle {
             }
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    axis.may_ignore |= axis.was_silent_for_its_timeout(now);
+                    axis.is_to_be_told = true;
                     axis.motor_timeouts_asked.push(timeout_ms);
                 }
             }
@@ -134,6 +136,9 @@ impl Oracle {
                 let protocol = self.axes.get(usize::from(axis)).and_then(|axis| axis.protocol());
                 // Allowance: arming may end at the very instant at which it is asked.
                 let may_take = |axis: &&mut Axis| matches!(axis.told, Told::Idle | Told::Arming);
+                if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
+                    axis.is_to_be_told = true;
+                }
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)).filter(may_take)
                     && protocol.map(|protocol| protocol.purpose(&data)) == Some(Purpose::Stop)
                     && !axis.native_stops.contains(&data)
