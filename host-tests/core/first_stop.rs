@@ -5,8 +5,8 @@ use crate::bench::{self, native, parameter, provision, run_with_host};
 use crate::motors::Shared;
 use crate::rig::Rig;
 use host_protocol::{
-    AxisParameter, AxisState, Error, NoReplyHint, Request, Setpoint, StateField, StateFields,
-    Value, requests,
+    AxisParameter, AxisState, Error, NoReplyHint, Protocol, Request, Setpoint, StateField,
+    StateFields, Value, requests,
 };
 
 /// TC 0 and LS to node 11 (Thruster manual §2.1, §4.1).
@@ -62,6 +62,16 @@ fn whatever_a_thruster_that_is_new_is_asked_it_hears_its_stop_before() {
             assert!(!again.is_empty() && !again.contains(&STOP), "{what}: {again:?}");
         }
     }
+}
+
+#[test]
+fn what_answers_at_another_bitrate_hears_its_stop_too() {
+    let (mut rig, _) = bench::thruster();
+    ask_state(&mut rig);
+    bench::configure_bus(&mut rig, 0, 500_000, &[Protocol::Rmd, Protocol::Thruster]);
+    let since = rig.now_us;
+    ask_state(&mut rig);
+    assert_eq!(rig.sent_since(0, since).first(), Some(&STOP));
 }
 
 #[test]

@@ -168,6 +168,40 @@ fn a_motor_that_was_silent_for_its_own_timeout_is_told_to_hold_again_however_few
     }
 }
 
+/// Nothing is known of its timeout: it is taken to act within 100 ms.
+#[test]
+fn a_motor_of_unknown_timeout_is_told_to_hold_again_behind_a_bus_that_was_off() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 1_000_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    let since = rig.now_us;
+    rig.shorted = true;
+    rig.bus_off(0);
+    run_with_host(&mut rig, 110_000);
+    rig.shorted = false;
+    run_with_host(&mut rig, 1_000_000);
+    assert!(rig.sent_since(0, since).contains(&HOLD));
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+}
+
+/// Its power was off for too short a time for its silence to be noticed.
+#[test]
+fn a_motor_that_restarts_while_it_holds_is_told_to_hold_again_within_a_second() {
+    let mut rig = held();
+    run_with_host(&mut rig, 2_000_000);
+    let since = rig.now_us;
+    rig.instead(move |text| match text {
+        "141#B100000000000000" => Instead::Says("241#B100000014000000"),
+        _ => Instead::AsUsual,
+    });
+    run_with_host(&mut rig, 2_000_000);
+    assert!(rig.sent_since(0, since).contains(&HOLD));
+    assert_fed_every_100_ms(&rig, since);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+}
+
 /// Nor does a host that only looks on, and asks again as soon as it is answered.
 #[test]
 fn questions_keep_no_silent_motor_from_being_told_to_hold_again() {

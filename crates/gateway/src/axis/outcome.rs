@@ -1,6 +1,7 @@
 //! What becomes of the requests of an axis, and what follows from it.
 
 use super::Axis;
+use super::first_stop::FirstStop;
 use super::state::State;
 use crate::measured::Observation;
 use crate::outbox::Outbox;
@@ -137,6 +138,8 @@ impl Axis {
     /// Forgets what is under way, for a bus that starts anew.
     pub fn forget_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
         self.transactions.forget_former();
+        // Who answers there may be another one.
+        self.first_stop = FirstStop::Owed;
         let not_left = self.transactions.with_port().filter(|exchange| exchange.is_stop());
         self.give_up(now, out);
         if let (Some(exchange), Some(stop)) = (not_left, self.stop_mut()) {
@@ -171,8 +174,7 @@ impl Axis {
         out: &mut Outbox<'_>,
     ) -> Option<Unasked> {
         // Who has it restart has it hold again behind that.
-        let may_have_let_go =
-            self.is_held() && self.was_silent_for_its_timeout(now) && !self.waits_for_restart();
+        let may_have_let_go = self.may_have_let_go(now) && !self.waits_for_restart();
         self.heard(now);
         let unasked = self.take_in(now, received, data, out);
         if may_have_let_go {

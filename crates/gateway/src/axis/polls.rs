@@ -79,7 +79,8 @@ impl Axis {
                 Priority::StopStep
             }
             None if self.is_idle_or_holding() && self.job.is_none() => {
-                let holds = self.is_kept_holding() && exchange == Exchange::Velocity;
+                let keeps = matches!(exchange, Exchange::Velocity | Exchange::RunTime);
+                let holds = self.is_kept_holding() && keeps;
                 if holds { Priority::StopStep } else { Priority::Watch }
             }
             _ => Priority::Ordinary,
@@ -259,11 +260,7 @@ impl Axis {
             return Some(Exchange::Velocity);
         }
         let Some(index) = self.turn_of_others() else { return Some(Exchange::Position) };
-        // Where the motor tells for how long it has run, it is asked now and then: it may have
-        // restarted by itself.
-        if index.wrapping_add(1).is_multiple_of(self.run_time_every())
-            && self.can(Exchange::RunTime)
-        {
+        if self.is_turn_of_run_time(index) {
             return Some(Exchange::RunTime);
         }
         let info = Info::of_axis(&self.config)?;
@@ -281,6 +278,12 @@ impl Axis {
             self.state_poll_at = self.state_poll_at.max(now) + self.turn();
             self.poll_index = self.poll_index.wrapping_add(1);
         }
+    }
+
+    /// Where the motor tells for how long it has run, it is asked now and then: it may have
+    /// restarted by itself.
+    fn is_turn_of_run_time(&self, index: usize) -> bool {
+        index.wrapping_add(1).is_multiple_of(self.run_time_every()) && self.can(Exchange::RunTime)
     }
 
     #[inline(never)]
@@ -309,6 +312,9 @@ impl Axis {
     fn idle_poll(&self) -> Option<Exchange> {
         let holds = self.is_kept_holding();
         let Some(index) = self.turn_of_others() else { return Some(Exchange::Position) };
+        if holds && self.is_turn_of_run_time(index) {
+            return Some(Exchange::RunTime);
+        }
         if holds && (!self.watched || index.is_multiple_of(2)) {
             return Some(Exchange::Velocity);
         }

@@ -79,7 +79,7 @@ impl Axis {
 
     /// The motor tells its run time, asked for at `asked`. Where it has restarted an armed axis
     /// trips, as whatever the motor was told for this motion is lost, and perhaps the turns
-    /// that it had counted (§2.33.4, index 4).
+    /// that it had counted (§2.33.4, index 4); one that holds is told to again.
     pub(super) fn note_run_time(
         &mut self,
         now: Instant,
@@ -96,6 +96,8 @@ impl Axis {
         self.restarts_until = Instant::default();
         if self.is_armed() {
             self.trip(now, TripReason::MotorRestarted, out);
+        } else if !self.waits_for_restart() {
+            self.hold_again(now, out);
         }
     }
 

@@ -284,7 +284,10 @@ impl Axis {
         let is_of_job = self.job_step() == Some(exchange);
         let is_of_part = self.part_read().is_some_and(|(read, _)| read == exchange);
         if !is_of_job && !is_of_part || self.is_next_poll(now, exchange) {
-            self.state_poll_at = now + self.turn();
+            // Whether a motor that holds turns is asked as often as before.
+            if exchange != Exchange::RunTime || !self.is_kept_holding() {
+                self.state_poll_at = now + self.turn();
+            }
             self.poll_index = self.poll_index.wrapping_add(1);
         }
     }

@@ -15,6 +15,9 @@ const TIMEOUT_OFF: u32 = 1 << 30;
 /// The power of a motor that was not heard for so long may have been off (GUARANTEES G1).
 const POWER_MAY_HAVE_BEEN_OFF: Duration = Duration::from_millis(1_000);
 
+/// A timeout of which nothing is known is taken to act behind a silence of so long.
+const UNKNOWN_ACTS_AFTER: Duration = Duration::from_millis(100);
+
 impl Axis {
     /// What is known of the timeout now. A motor that keeps it in RAM has lost it with its power.
     pub fn motor_timeout(&self, now: Instant) -> MotorTimeout {
@@ -28,8 +31,15 @@ impl Axis {
     }
 
     /// Whether the motor was not heard for so long that its own timeout has acted.
-    pub(super) fn was_silent_for_its_timeout(&self, now: Instant) -> bool {
+    fn was_silent_for_its_timeout(&self, now: Instant) -> bool {
         self.programmed_timeout().is_some_and(|timeout| now.since(self.heard_at) >= timeout)
+    }
+
+    /// Whether the motor was not heard for so long that it may hold no longer.
+    pub(super) fn may_have_let_go(&self, now: Instant) -> bool {
+        let unknown = || (self.motor_timeout != MotorTimeout::Off).then_some(UNKNOWN_ACTS_AFTER);
+        let timeout = self.programmed_timeout().or_else(unknown);
+        self.is_held() && timeout.is_some_and(|timeout| now.since(self.heard_at) >= timeout)
     }
 
     /// Whether what the motor is told next will be ignored (PROTOCOL-NOTES R20).
