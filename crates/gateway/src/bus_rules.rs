@@ -28,7 +28,7 @@ pub fn check_bus_config(
         if let Some(range) = info.can_bitrates.filter(|_| kind == BusKind::Can) {
             Quantity::Bitrate.check(bitrate, range)?;
         }
-        if info.alone && protocols.iter().any(|other| other != protocol) {
+        if info.free_ids && protocols.iter().any(|other| other != protocol) {
             return Err(Error::NeedsOwnBus { bus, protocol });
         }
     }

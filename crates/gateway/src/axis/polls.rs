@@ -236,7 +236,7 @@ impl Axis {
         let state_poll = self.config.state_poll();
         let info = Info::of_axis(&self.config).filter(|_| self.can(Exchange::Position));
         let Some(info) = info else { return (1, state_poll) };
-        let saved = info.motion_tells_speed && self.refresh() <= state_poll.part(TURNS);
+        let saved = info.angle.is_some() && self.refresh() <= state_poll.part(TURNS);
         let others = if saved { self.run_time_every() as u64 } else { 1 };
         (others + 1, state_poll.times(others))
     }

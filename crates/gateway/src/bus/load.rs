@@ -129,7 +129,7 @@ pub(super) fn unanswered_wait(kind: BusKind, config: &BusConfig) -> Duration {
 
 /// Whether the reply to a setpoint tells the speed, but for one of impedance.
 pub(super) fn tells_speed(axis: &Axis) -> bool {
-    Info::of_axis(&axis.config).is_some_and(|info| info.motion_tells_speed)
+    Info::of_axis(&axis.config).is_some_and(|info| info.angle.is_some())
 }
 
 /// The share of the bus that the polls of an axis take, each of which takes `poll`, while setpoints

@@ -27,7 +27,6 @@ pub(super) static INFO: Info = Info {
         reads: reads_frame,
     }),
     // Any bytes may be for its motors, and another protocol's motor may take theirs for its own.
-    alone: true,
     // On the safe side (PROTOCOL-NOTES D14).
     free_ids: true,
     replies_outrank_stops: false,
@@ -70,7 +69,6 @@ pub(super) static INFO: Info = Info {
         Exchange::DriverTemperature,
         Exchange::MotorTemperature,
     ],
-    motion_tells_speed: false,
     polls: &[Exchange::Velocity],
     clearing: &[
         Exchange::ClearFaults,

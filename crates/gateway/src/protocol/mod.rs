@@ -129,10 +129,8 @@ pub(crate) struct Info {
     pub can_bitrates: Option<(u32, u32)>,
     /// Its form on RS485, if it has one.
     pub serial: Option<Serial>,
-    /// It shares a bus with no other protocol.
-    pub alone: bool,
     /// Its manual gives no CAN ids: motors answer any id, and with the id that they were asked
-    /// with, which is an assumption.
+    /// with, which is an assumption. It shares a bus with no other protocol.
     pub free_ids: bool,
     /// On CAN its replies win the arbitration against its stops.
     pub replies_outrank_stops: bool,
@@ -159,7 +157,7 @@ pub(crate) struct Info {
     pub(in crate::protocol) position: &'static Scale,
     /// The farthest position that they tell to either side, in its unit.
     pub farthest: i32,
-    /// How replies to setpoints tell the position, where they do.
+    /// How replies to setpoints tell the position, where they do, and with it the speed.
     pub angle: Option<AngleForm>,
     /// The parameters that only its motors have, beside limits.
     pub own_parameters: &'static [AxisParameter],
@@ -169,8 +167,6 @@ pub(crate) struct Info {
     pub recognising: &'static [Exchange],
     /// For a host that reads the state.
     pub state: &'static [Exchange],
-    /// The reply to a setpoint tells the speed.
-    pub motion_tells_speed: bool,
     /// In turn while armed, beside the fault word and the position.
     pub polls: &'static [Exchange],
     /// Before a trip is cleared.

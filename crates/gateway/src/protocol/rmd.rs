@@ -33,7 +33,6 @@ pub(super) static INFO: Info = Info {
         decode: from_serial,
         reads: reads_serial,
     }),
-    alone: false,
     free_ids: false,
     replies_outrank_stops: false,
     // What comes first after its timeout it ignores, and it stays without output (R20).
@@ -92,7 +91,6 @@ pub(super) static INFO: Info = Info {
         Exchange::Version(2),
     ],
     state: &[Exchange::Velocity, Exchange::Position, Exchange::Faults],
-    motion_tells_speed: true,
     polls: &[Exchange::Velocity],
     // There is no command that clears a fault (§8).
     clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],

@@ -19,7 +19,6 @@ pub(super) static INFO: Info = Info {
     last_node: Node::MAX,
     can_bitrates: None,
     serial: None,
-    alone: false,
     free_ids: false,
     // Requests have 0x300 + node, replies and streams 0x280 + node.
     replies_outrank_stops: true,
@@ -67,7 +66,6 @@ pub(super) static INFO: Info = Info {
         Exchange::Position,
     ],
     // Only frames that VM asks for do (§2.4).
-    motion_tells_speed: false,
     polls: &[Exchange::Velocity, Exchange::Current],
     clearing: &[
         Exchange::ClearFaults,
