@@ -111,12 +111,11 @@ fn what_a_silent_motor_is_told_goes_behind_a_command_that_it_may_ignore() {
         run_with_host(&mut rig, silent_us);
         let (since, before) = (rig.now_us, obeyed.borrow().len());
         bench::answered(rig.ask(acceleration.clone()));
-        assert_eq!(obeyed.borrow()[before..], ["141#4300000010270000"], "{silent_us} µs");
-        let sent: &[&str] = match silent_us {
-            0 => &["141#4300000010270000"],
-            _ => &[COAST, "141#4300000010270000"],
-        };
-        assert_eq!(rig.sent_since(0, since), sent);
+        assert!(
+            obeyed.borrow()[before..].ends_with(&["141#4300000010270000".into()]),
+            "{silent_us} µs"
+        );
+        assert_eq!(rig.sent_since(0, since), [COAST, "141#4300000010270000"]);
     }
     run_with_host(&mut rig, 400_000);
     bench::provision(&mut rig, 300).unwrap();

@@ -210,9 +210,7 @@ pub(crate) struct Axis {
     /// Native stops that were asked for while it was idle or arming; one that was refused stands
     /// here too, and so does the one under way.
     pub native_stops: Vec<Vec<u8>>,
-    /// Since it was armed last: its motor's own timeout may have acted, behind which it ignores what it
-    /// is told first; and a host has asked for something to be told.
-    pub may_ignore: bool,
+    /// A host has asked, since it was armed last, for something to be told to its motor.
     pub is_to_be_told: bool,
     /// A host has asked, while it held, that its motor's output be switched off.
     pub output_off_asked: bool,
@@ -229,11 +227,6 @@ impl Axis {
             Told::Holding => self.protocol() == Some(Protocol::Rmd),
             _ => true,
         }
-    }
-
-    /// Whether its motor was not heard for so long that its own timeout may have acted.
-    pub fn was_silent_for_its_timeout(&self, now: u64) -> bool {
-        self.timeouts_ms().any(|ms| self.heard.0 + u64::from(ms) * 1_000 <= now)
     }
 
     /// Which arming it is, once a host is told: what was offered for another one is void.
@@ -259,7 +252,7 @@ impl Axis {
         let motor_timeouts_asked = std::mem::take(&mut self.motor_timeouts_asked);
         let Self { unreachable, motor_timeout_ms, timeout, heard, .. } = *self;
         let kept = Self { parameters, unreachable, motor_timeout_ms, heard, ..Self::default() };
-        let mut restarted = Self { motor_timeouts_asked, may_ignore: true, ..kept };
+        let mut restarted = Self { motor_timeouts_asked, ..kept };
         if restarted.protocol() == Some(Protocol::Rmd) && timeout == Timeout::On {
             restarted.timeout = timeout;
         }

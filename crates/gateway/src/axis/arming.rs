@@ -3,6 +3,7 @@
 use super::{Axis, JobKind};
 use crate::measured::Observation;
 use crate::protocol::{Exchange, Sets};
+use crate::time::Instant;
 use host_protocol::{AxisParameter, Error, MotorTimeout, Quantity, TogetherBar, TripReason};
 
 impl Axis {
@@ -55,6 +56,8 @@ impl Axis {
 
     fn check_arming_step(&mut self, exchange: Exchange, seen: &Observation) -> Result<(), Error> {
         let axis = self.index;
+        // It answers: a restart that it was told of before is over, or not under way.
+        self.restarts_until = Instant::default();
         if let Some(level) = seen.ack_level {
             self.check_ack_level(level)?;
         }

@@ -1,11 +1,11 @@
-//! The stop that goes before what is asked of a motor at rest.
+//! The stop of a motor that has just become the axis's, or was given up, before anything else is
+//! sent to it.
 //!
-//! One that has just become the axis's, or was given up, may have been told to move by somebody who
-//! is gone, or by this gateway before it lost its power, and stand only because its own timeout has
-//! stopped it: what it hears then may set it in motion. Another ignores what it is told first
-//! behind its own timeout.
+//! It may have been told to move by somebody who is gone, or by this gateway before it lost its
+//! power, and stand only because its own timeout has stopped it: what it hears then may set it in
+//! motion.
 
-use super::{Axis, Stop};
+use super::Axis;
 use crate::protocol::{Exchange, Info};
 use serde::{Deserialize, Serialize};
 
@@ -27,10 +27,6 @@ pub(super) enum FirstStop {
 impl Axis {
     /// What goes out before anything that is asked of a motor at rest.
     pub(super) fn owed_first(&self) -> Option<Exchange> {
-        if self.ignores_next && self.job_tells() {
-            // Its timeout has switched the output off: this changes nothing.
-            return Some(self.stop().map_or(Exchange::OutputOff, Stop::command));
-        }
         let exchange = match self.first_stop {
             FirstStop::Owed => Exchange::Stop,
             FirstStop::EndOwed { .. } => Exchange::PositionStop,
@@ -49,9 +45,8 @@ impl Axis {
         };
     }
 
-    /// The motor has answered this.
-    pub(super) fn first_stop_heard(&mut self, exchange: Exchange) {
-        self.ignores_next &= !exchange.is_stop();
+    /// The motor has answered.
+    pub(super) fn first_stop_heard(&mut self) {
         if let FirstStop::EndOwed { heard } | FirstStop::Over { heard } = &mut self.first_stop {
             *heard = true;
         }

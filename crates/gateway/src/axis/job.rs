@@ -99,7 +99,8 @@ impl JobKind {
         matches!(self, Self::ReadState | Self::Recognise | Self::Native { asks: true, .. })
     }
 
-    /// Its steps. Those that the motor has no command for are passed over.
+    /// Its steps. Those that the motor has no command for are passed over. One that has a command
+    /// that switches its output off ignores what it is told first behind its own timeout: that.
     fn steps(self, config: &AxisConfig) -> &'static [Exchange] {
         let Some(info) = Info::of_axis(config) else { return &[] };
         match self {
@@ -108,16 +109,21 @@ impl JobKind {
             Self::Recognise => info.recognising,
             Self::Clear => info.clearing,
             Self::Restart => info.restarting,
-            Self::Provision { .. } => &[Exchange::RenewTimeout, Exchange::TimeoutSwitch],
+            Self::Provision { .. } => {
+                &[Exchange::OutputOff, Exchange::RenewTimeout, Exchange::TimeoutSwitch]
+            }
             Self::OutputOff => &[Exchange::OutputOff],
             // Whether it has restarted since is seen by its run time before.
             Self::Native { command, .. } if command.sets() == Sets::AfterRestart => {
-                &[Exchange::RunTime, Exchange::Native]
+                &[Exchange::RunTime, Exchange::OutputOff, Exchange::Native]
             }
             Self::Native { command, .. } if command.read_back().is_some() => {
                 &[Exchange::Native, Exchange::AckLevel]
             }
-            Self::Native { .. } => &[Exchange::Native],
+            Self::Native { command, asks } if asks || command.sets() == Sets::Output(false) => {
+                &[Exchange::Native]
+            }
+            Self::Native { .. } => &[Exchange::OutputOff, Exchange::Native],
             Self::NativeMotion => &[Exchange::Motion],
             Self::Prepare { .. } => &[Exchange::Native, Exchange::PendingWrite],
             Self::StandBy { clears: false } => &[Exchange::PendingWrite],
@@ -158,7 +164,6 @@ impl Axis {
             return;
         }
         self.transactions.job_begins();
-        self.note_timeout(now);
         self.job = Some(Job {
             kind,
             ticket,
@@ -211,15 +216,6 @@ impl Axis {
         self.job.as_ref()?.sequence.step()
     }
 
-    /// Whether that tells the motor something, beside stops.
-    pub(super) fn job_tells(&self) -> bool {
-        let tells = |step| matches!(step, Exchange::RenewTimeout | Exchange::Restart);
-        match self.job_kind() {
-            Some(JobKind::Native { asks: false, .. }) => self.job_step() == Some(Exchange::Native),
-            _ => self.job_step().is_some_and(tells),
-        }
-    }
-
     /// The native command of the job.
     pub(super) fn native_command(&self) -> Option<Command> {
         match self.job_kind()? {
@@ -251,8 +247,11 @@ impl Axis {
     /// Passes over the steps that this motor has no command for. Returns whether none is left.
     fn pass_over_steps(&mut self) -> bool {
         let Some(mut sequence) = self.job.as_ref().map(|job| job.sequence) else { return false };
+        let lets_go = self.job_kind() == Some(JobKind::OutputOff);
         sequence.pass_over(|exchange| match exchange {
             Exchange::Motion => false,
+            // A motor that holds was not silent for its timeout, and goes on holding.
+            Exchange::OutputOff if !lets_go && self.is_held() => true,
             Exchange::OverwritePending | Exchange::ExecutePending if !self.write_waits => true,
             _ => self.command_for(exchange).is_none(),
         });
@@ -346,8 +345,10 @@ impl Axis {
             }
             return;
         }
-        // What changes the motor is sent once: whether it was carried out is not known.
-        let tries = if changes { 1 } else { self.config.missed_replies() };
+        // What changes the motor is sent once: whether it was carried out is not known. A brake that
+        // was opened unseen has been locked again by the motor's own timeout.
+        let is_locked = exchange == Exchange::ReleaseBrake && self.may_have_let_go(now);
+        let tries = if changes || is_locked { 1 } else { self.config.missed_replies() };
         let may_be_mute = self.can(Exchange::AckLevel);
         let Some(job) = &mut self.job else { return };
         job.unanswered = job.unanswered.saturating_add(1);

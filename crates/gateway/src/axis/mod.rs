@@ -99,8 +99,6 @@ pub(crate) struct Axis {
     /// An asynchronous write waits in the motor.
     write_waits: bool,
     first_stop: FirstStop,
-    /// Its own timeout has acted since it was told anything: what it is told next it ignores.
-    ignores_next: bool,
     /// What its answers said of the version of its protocol when it was asked last.
     evidence: Evidence,
     /// What outlives a reset of the gateway has changed and has still to be saved.
@@ -137,7 +135,6 @@ impl Axis {
             restart_owed: false,
             write_waits: false,
             first_stop: FirstStop::Owed,
-            ignores_next: false,
             evidence: Evidence::NONE,
             is_unsaved: false,
             row_was_told: false,
@@ -160,7 +157,6 @@ impl Axis {
             self.transactions.forget();
             self.silence = Silence::NONE;
             self.first_stop = FirstStop::Owed;
-            self.ignores_next = false;
             self.state_poll_at = Instant::default();
             self.forget_motor_timeout();
             self.run_time = RunTime::UNKNOWN;

@@ -112,6 +112,9 @@ impl Axis {
     pub fn cancelled(&mut self, now: Instant, slot: u8) {
         let Some(request) = self.transactions.cancelled(slot) else { return };
         self.not_delivered(&request);
+        if self.is_restart(&request.command) {
+            self.restarts_until = Instant::default();
+        }
         match (request.exchange, &mut self.state) {
             (Exchange::Motion, _) => self.resend_motion(now),
             (exchange, State::Stopping(stop) | State::Tripped(_, stop)) => {
@@ -173,10 +176,16 @@ impl Axis {
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Option<Unasked> {
+        let mut seen = Observation::default();
+        let found = self.transactions.received(now, received, &self.config, &mut seen);
+        // What a motor says by itself does not show that it hears us; others show that they have power.
+        let hears = !matches!(found, Match::Unasked) || !self.is_polled_to_hold();
         // Who has it restart has it hold again behind that.
-        let may_have_let_go = self.may_have_let_go(now) && !self.waits_for_restart();
-        self.heard(now);
-        let unasked = self.take_in(now, received, data, out);
+        let may_have_let_go = hears && self.may_have_let_go(now) && !self.waits_for_restart();
+        if hears {
+            self.heard(now);
+        }
+        let unasked = self.take_in(now, found, &seen, received, data, out);
         if may_have_let_go {
             self.hold_again(now, out);
         }
@@ -186,24 +195,24 @@ impl Axis {
     fn take_in(
         &mut self,
         now: Instant,
+        found: Match,
+        seen: &Observation,
         received: &Received,
         data: &[u8],
         out: &mut Outbox<'_>,
     ) -> Option<Unasked> {
-        let mut seen = Observation::default();
-        let found = self.transactions.received(now, received, &self.config, &mut seen);
         let (request, outcome) = match found {
             Match::Ends(request, outcome) => (request, outcome),
             Match::Late => {
-                self.late_speed(&seen);
+                self.late_speed(seen);
                 return Some(Unasked::Late);
             }
             Match::Unasked => return Some(self.unasked(now, received, out)),
         };
         self.silence = Silence::NONE;
-        self.first_stop_heard(request.exchange);
+        self.first_stop_heard();
         match outcome {
-            Outcome::Answered => self.answered(now, &request, &seen, data, out),
+            Outcome::Answered => self.answered(now, &request, seen, data, out),
             Outcome::Refused => self.refused(now, &request, out),
             Outcome::Echoed if request.exchange == Exchange::Motion => {
                 if let Some(armed) = self.armed_mut() {

@@ -130,7 +130,6 @@ impl Axis {
         match &self.state {
             State::Stopping(stop) | State::Tripped(_, stop) => {
                 let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
-                let job = self.behind_first_stop(job);
                 match (next, job) {
                     // A confirmed stop is only repeated: a clearing comes between.
                     (Some((Next::This(Exchange::Stop), at)), Some(_)) if at > now => {

@@ -15,7 +15,7 @@ const RESTARTS_WITHIN: Duration = Duration::from_millis(3_000);
 const BACK_POLL: Duration = Duration::from_millis(100);
 
 /// A motor's clock may be slower than ours by a part in so many,
-const CLOCK_PART: NonZeroU64 = NonZeroU64::new(20).unwrap();
+pub(super) const CLOCK_PART: NonZeroU64 = NonZeroU64::new(20).unwrap();
 /// and its run time older by so much than the request for it.
 const READING: Duration = Duration::from_millis(50);
 
@@ -47,9 +47,14 @@ impl Axis {
     /// has left. Whoever has the motor restart, and whatever ends the job, a stop or a bus that goes
     /// off, the motor's silence says nothing until it is back.
     pub(super) fn note_restart(&mut self, now: Instant, command: &Command) {
-        if protocol::command(Exchange::Restart, &self.config).as_ref() == Some(command) {
+        if self.is_restart(command) {
             self.restarts_until = now + RESTARTS_WITHIN;
         }
+    }
+
+    /// Whether it is the command that has the motor restart.
+    pub(super) fn is_restart(&self, command: &Command) -> bool {
+        protocol::command(Exchange::Restart, &self.config).as_ref() == Some(command)
     }
 
     /// Whether the job has told the motor to restart, and asks until it is back.

@@ -33,7 +33,6 @@ impl Axis {
             restart_owed,
             write_waits,
             first_stop,
-            ignores_next,
             evidence,
             is_unsaved,
             row_was_told,
@@ -50,7 +49,7 @@ impl Axis {
             }
             _ => {
                 let timeout = (motor_timeout, written_timeout_ms, heard_at, run_time);
-                let flags = (restarts_until, restart_owed, write_waits, first_stop, ignores_next);
+                let flags = (restarts_until, restart_owed, write_waits, first_stop);
                 let rest = (evidence, is_unsaved, row_was_told);
                 (angle, timeout, flags, rest, telemetry).serialize(to)
             }

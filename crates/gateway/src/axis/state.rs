@@ -300,8 +300,6 @@ impl Axis {
             deliver_by: Instant::NEVER,
         };
         self.state_poll_at = now + self.turn();
-        // It answers: a restart that it was told of before is over, or not under way.
-        self.restarts_until = Instant::default();
         self.enter(State::Armed(armed), out);
     }
 

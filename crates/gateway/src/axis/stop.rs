@@ -228,7 +228,7 @@ impl Stop {
     }
 
     /// What is repeated: behind a locked brake the stop command would switch the output on again.
-    pub fn command(&self) -> Exchange {
+    fn command(&self) -> Exchange {
         if self.is_braked() { Exchange::OutputOff } else { Exchange::Stop }
     }
 
@@ -408,7 +408,8 @@ impl Stop {
     /// From now on two stops go between silences. The silence is for a motor that hears us: what
     /// has not left has fed no timeout, and a stop that has never left is due.
     pub(super) fn rest(&mut self, now: Instant, silence: Duration) {
-        let until = self.last_left.map_or(now, |left| left + silence);
+        let fed_at = |left| if self.hears { now } else { left };
+        let until = self.last_left.map_or(now, |left| fed_at(left) + silence);
         self.backoff = Backoff::Silence { until, then: Then::First, asked: false };
     }
 
@@ -436,6 +437,7 @@ impl Stop {
     pub(super) fn lose_motor(&mut self, now: Instant) -> bool {
         self.hold_poll = None;
         self.acknowledged = false;
+        self.sent = 0;
         self.sequence.restart();
         self.command_again(now);
         !core::mem::replace(&mut self.unreachable, true)

@@ -46,7 +46,11 @@ impl Axis {
         let is_confirmed = stop.is_confirmed();
         match effect {
             StopEffect::None => {}
-            StopEffect::CameToNothing if restarts => {}
+            StopEffect::CameToNothing if restarts => {
+                if let Some(stop) = self.stop_mut() {
+                    stop.goes_unheard();
+                }
+            }
             StopEffect::CameToNothing => self.count_unconfirmed(now, out),
             StopEffect::BrakeUnverified => {
                 out.event(&Event::BrakeUnverified { axis: self.index, locked: true });
@@ -91,12 +95,15 @@ impl Axis {
         self.is_kept_holding() || self.must_hold() && is_confirmed
     }
 
-    /// Its own timeout may have cut the output since: it is told to hold again.
+    /// Its own timeout may have cut the output since: it is told to hold again, and a stop under way
+    /// confirms nothing by what it was told before.
     pub(super) fn hold_again(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if self.is_kept_holding() {
             self.halt(now, out);
         } else if self.is_held() {
             self.stop_anew(now, out);
+        } else if let Some(stop) = self.stop_mut() {
+            stop.missed();
         }
     }
 

@@ -1,6 +1,7 @@
 //! The motor's own timeout, the second layer: what is known of it, and what follows (GUARANTEES G1,
 //! G4).
 
+use super::restart::CLOCK_PART;
 use super::{Axis, JobKind};
 use crate::protocol::{self, Info};
 use crate::time::{Duration, Instant};
@@ -30,26 +31,18 @@ impl Axis {
         }
     }
 
-    /// Whether the motor was not heard for so long that its own timeout has acted.
-    fn was_silent_for_its_timeout(&self, now: Instant) -> bool {
-        self.programmed_timeout().is_some_and(|timeout| now.since(self.heard_at) >= timeout)
-    }
-
-    /// Whether the motor was not heard for so long that it may hold no longer.
+    /// Whether the motor was not heard for so long that its own timeout may have acted, its clock
+    /// being faster than ours.
     pub(super) fn may_have_let_go(&self, now: Instant) -> bool {
         let unknown = || (self.motor_timeout != MotorTimeout::Off).then_some(UNKNOWN_ACTS_AFTER);
         let timeout = self.programmed_timeout().or_else(unknown);
-        self.is_held() && timeout.is_some_and(|timeout| now.since(self.heard_at) >= timeout)
-    }
-
-    /// Whether what the motor is told next will be ignored (PROTOCOL-NOTES R20).
-    pub(super) fn note_timeout(&mut self, now: Instant) {
-        self.ignores_next |= self.is_polled_to_hold() && self.was_silent_for_its_timeout(now);
+        let acts_after = |timeout: Duration| timeout - timeout.part(CLOCK_PART);
+        let silent = now.since(self.heard_at);
+        self.is_polled_to_hold() && timeout.is_some_and(|timeout| silent >= acts_after(timeout))
     }
 
     /// The motor has been heard.
     pub(super) fn heard(&mut self, now: Instant) {
-        self.note_timeout(now);
         self.motor_timeout = self.motor_timeout(now);
         self.heard_at = now;
     }
@@ -110,8 +103,6 @@ impl Axis {
     pub(super) fn timeout_renewed(&mut self) {
         if let Some(timeout_ms) = self.renewed_timeout_ms() {
             self.motor_timeout = MotorTimeout::Written { timeout_ms };
-            // Nobody knows for how long it was not heard.
-            self.ignores_next = true;
         }
     }
 

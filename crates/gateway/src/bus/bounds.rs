@@ -201,7 +201,7 @@ impl Bus {
     }
 
     /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not
-    /// configured carries none, and has no bound.
+    /// configured carries none, and has no bound; what takes its turn has that of what is no stop.
     fn unsent_stops<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = (usize, Instant)> + 'a {
         let stopping = self.which(Is::Stopping, axes);
         let bound = if self.config.is_some() {
@@ -209,8 +209,12 @@ impl Bus {
         } else {
             Duration::ZERO
         };
+        let within = move |index: usize| match axes.get(index) {
+            Some(axis) if self.takes_its_turn(axis) => self.delivered_within(),
+            _ => bound,
+        };
         axes.times(stopping, |look| look.stop_unsent_since)
-            .map(move |(index, since)| (index, since + bound + NOT_SENT_AFTER))
+            .map(move |(index, since)| (index, since + within(index) + NOT_SENT_AFTER))
     }
 
     /// When the next stop counts as one that could not be sent.

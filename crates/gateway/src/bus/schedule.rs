@@ -84,7 +84,8 @@ impl Bus {
                 continue;
             }
             let Some(mut want) = axis.next_request(now) else { continue };
-            if want.priority == Priority::Stop && self.takes_its_turn(axis, stops) {
+            if want.priority == Priority::Stop && stops == Stops::Sent && self.takes_its_turn(axis)
+            {
                 want.priority = Priority::Ordinary;
             }
             let precedence = self.precedence(axis, &want, stops);
@@ -123,9 +124,9 @@ impl Bus {
 
     /// Whether a stop that is sent again goes as everything else does: on a line, where a motor that
     /// misses its stops must not keep the others from hearing anything.
-    fn takes_its_turn(&self, axis: &Axis, stops: Stops) -> bool {
+    pub(super) fn takes_its_turn(&self, axis: &Axis) -> bool {
         let is_urgent = axis.stop().is_some_and(Stop::is_urgent);
-        self.kind() == BusKind::Rs485 && stops == Stops::Sent && !is_urgent
+        self.kind() == BusKind::Rs485 && !is_urgent
     }
 
     /// Where there is no stop: one after the other, what somebody only watches last.

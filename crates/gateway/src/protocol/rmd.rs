@@ -42,7 +42,8 @@ pub(super) static INFO: Info = Info {
     // It writes its timeout to ROM (§2.30).
     stores_timeout: true,
     reads_timeout_switch: false,
-    timeouts_ms: (0, u32::MAX),
+    // Any (§2.30), but while it is being stopped it hears something every 5 ms.
+    timeouts_ms: (20, u32::MAX),
     reported_faults: 0,
     sensor_faults: 0,
     speed: &DEGREES,
@@ -96,6 +97,7 @@ pub(super) static INFO: Info = Info {
     clearing: &[Exchange::Faults, Exchange::Velocity, Exchange::Position],
     restarting: &[
         Exchange::RunTime,
+        Exchange::OutputOff,
         Exchange::Restart,
         Exchange::RunTime,
         Exchange::Faults,

@@ -160,7 +160,7 @@ impl Oracle {
         axis.undelivered = None;
         axis.turns_since = None;
         axis.armed = true;
-        (axis.may_ignore, axis.is_to_be_told) = (false, false);
+        axis.is_to_be_told = false;
         axis.armed_us = now;
         axis.heard = (now, outside);
         axis.epoch = None;

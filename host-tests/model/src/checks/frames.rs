@@ -294,9 +294,9 @@ impl Oracle {
         let native = axis.native_stops.iter().any(|asked| Protocol::Rmd.same_command(asked, data));
         let let_go = axis.told == Told::Holding && axis.output_off_asked && *first == OUTPUT_OFF;
         let asked = axis.told == Told::Idle && native || let_go;
-        // What it may ignore before what a host has it told.
-        let ignores = axis.may_ignore || axis.was_silent_for_its_timeout(now);
-        let goes_before = axis.told == Told::Idle && axis.is_to_be_told && ignores;
+        // An RMD ignores what it is told first behind its own timeout: that goes before what a host
+        // has it told.
+        let goes_before = axis.told == Told::Idle && axis.is_to_be_told;
         // Arming begins with the stop command too.
         if !fits && !asked && !(goes_before && *first == OUTPUT_OFF) {
             self.broken(Check::WrongStopAction, now, format!("axis {index}: {first:02X}"));

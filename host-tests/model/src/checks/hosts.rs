@@ -73,7 +73,6 @@ impl Oracle {
             }
             Request::Provision { axis, timeout_ms } => {
                 if let Some(axis) = self.axes.get_mut(usize::from(axis)) {
-                    axis.may_ignore |= axis.was_silent_for_its_timeout(now);
                     axis.is_to_be_told = true;
                     axis.motor_timeouts_asked.push(timeout_ms);
                 }

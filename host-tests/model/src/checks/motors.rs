@@ -96,7 +96,6 @@ impl Oracle {
         if protocol == Protocol::Thruster && axis.heard.0 + THRUSTER_SILENCE_US < now {
             axis.timeout = Timeout::Unknown;
         }
-        axis.may_ignore |= axis.was_silent_for_its_timeout(now);
         axis.heard = (now, outside);
         axis.objects |= protocol.is_objection(data);
         let (still, warnings, returns) = (axis.still(), axis.warning_bits(), axis.return_mode());

@@ -198,16 +198,21 @@ impl Stop {
         if is_of_job { StopEffect::None } else { came_to_nothing_by(exchange) }
     }
 
-    /// The motor has not answered a stop command: it may have let go by its own timeout, answers the
-    /// first command after that, and ignores it. It takes two again, and where it is to hold, what
+    /// The motor has not answered a stop command, or was not heard for its own timeout: it may have let
+    /// go by that, answers the first command after it, and ignores it. It takes two again, and where it is to hold, what
     /// they led to is read anew.
-    fn missed(&mut self) {
+    pub(in crate::axis) fn missed(&mut self) {
         self.sent = 0;
         let reads = self.sequence.step() == Some(Exchange::Velocity);
         if reads && self.detour == Detour::None && !self.sequence.comes_again(Exchange::LockBrake) {
             self.acknowledged = false;
             self.sequence.restart();
         }
+    }
+
+    /// It came to nothing where that says nothing of the motor: it takes its turn from now on.
+    pub(in crate::axis) fn goes_unheard(&mut self) {
+        self.unconfirmed = self.unconfirmed.saturating_add(1).min(STOPS_AT_LEAST);
     }
 
     /// It came to nothing once more. Returns whether that makes `enough` for a motor that is not
