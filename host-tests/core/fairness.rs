@@ -4,7 +4,7 @@
 use crate::bench::{self, VELOCITY, arm_axis, e_stop, keep_moving};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Protocol, ProtocolSet, Request, StopAction, Value, requests,
+    AxisParameter, AxisState, Event, Protocol, ProtocolSet, Request, StopAction, Value, requests,
 };
 
 #[test]
@@ -136,6 +136,51 @@ fn no_more_than_four_replies_are_outstanding_on_a_bus_that_thrusters_share() {
     assert_eq!(questions(&rig), 4);
     rig.run(5_000); // the windows have closed
     assert!(questions(&rig) > 4);
+}
+
+/// Its silence says nothing, and it takes its turn all the same.
+#[test]
+fn a_motor_that_is_stopped_while_it_restarts_leaves_the_line_to_the_others_in_turn() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    bench::configure_axis(&mut rig, 1, 2, Protocol::Rmd, 2, StopAction::Hold);
+    let epoch = arm_axis(&mut rig, 1);
+    keep_moving(&mut rig, &[(1, epoch)], VELOCITY, 100_000);
+    rig.instead(|text| match text.get(..4) {
+        Some("3E01") if text.get(6..8) != Some("80") => Instead::Nothing,
+        _ => Instead::AsUsual,
+    });
+    let restart = bench::native(&rig, 0, "7600000000000000");
+    rig.ask(restart).unwrap();
+    bench::stop(&mut rig);
+    let since = rig.now_us;
+    keep_moving(&mut rig, &[(1, epoch)], VELOCITY, 1_000_000);
+    assert_eq!(bench::listed(&mut rig, 1), AxisState::Active);
+    let gap = rig.longest_gap_us(2, since, "3E02");
+    assert!(gap <= 35_000, "{gap} µs in which the motor has heard nothing");
+}
+
+/// What takes its turn leaves late by that.
+#[test]
+fn stops_that_take_turns_behind_long_windows_are_not_told_as_unsent() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    let request = requests::ConfigureBus {
+        bus: 2,
+        bitrate: 115_200,
+        protocols: ProtocolSet::of(&[Protocol::Rmd]),
+        exclusive: false,
+        reply_window_us: 200_000,
+    };
+    rig.ask(Request::ConfigureBus(request)).unwrap();
+    bench::configure_axis(&mut rig, 1, 2, Protocol::Rmd, 2, StopAction::Hold);
+    let moving = [0, 1].map(|axis| (axis, arm_axis(&mut rig, axis)));
+    keep_moving(&mut rig, &moving, VELOCITY, 100_000);
+    rig.instead(|_| Instead::Nothing);
+    bench::e_stop(&mut rig);
+    bench::run_with_host(&mut rig, 3_000_000);
+    let unsent =
+        |event: &Event| matches!(event, Event::AxisUnreachable { stop_transmitted: false, .. });
+    let told = bench::outcomes(&rig);
+    assert!(!told.iter().any(unsent), "{told:?}");
 }
 
 /// On a line nothing leaves while an answer may come, so stops without a pause would take all of it

@@ -337,11 +337,7 @@ impl Transactions {
         config: &AxisConfig,
     ) -> Option<Transaction> {
         let is_over = |request: &Transaction| request.deadline().is_some_and(|until| until <= now);
-        if let Some(former) = self.former.take_if(|former| is_over(former))
-            && former.is_awaited()
-        {
-            self.given_up(now, &former, config);
-        }
+        self.former.take_if(|former| is_over(former));
         self.current.as_ref().filter(|current| is_over(current))?;
         self.give_up(now, stops, config)
     }
