@@ -4,8 +4,8 @@ use crate::bench::{self, VELOCITY, arm_axis, keep_moving, listed, run_with_host}
 use crate::rig::{BOARD_AGAIN, Instead, Rig};
 use gateway::{Event, Gateway, Light};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Reply, Request, Value, replies::GatewayReport,
-    requests,
+    AxisParameter, AxisState, ClearTarget, Error, Protocol, Reply, Request, Value,
+    replies::GatewayReport, requests,
 };
 
 /// Words that say nothing of the gateway: the mark of the layout, and the slot that is being
@@ -165,19 +165,90 @@ fn damage_is_told_cleared_by_a_person_and_mended_in_the_memory() {
     assert_eq!((report.memory_damaged, report.e_stop_latched, report.starts), (false, false, 3));
 }
 
+/// The words that change with an axis or a bus: both copies of its slot.
+fn slot_of(change: impl Fn(&mut Rig)) -> Vec<usize> {
+    let mut rig = bench::rmd_axes(2);
+    let before = rig.memory.clone();
+    change(&mut rig);
+    (STATES_END..before.len()).filter(|index| rig.memory[*index] != before[*index]).collect()
+}
+
+fn slot_of_axis(axis: u8) -> Vec<usize> {
+    slot_of(|rig| {
+        bench::parameter(rig, axis, AxisParameter::VelocityLimitRadS, Value::Float(3.5));
+    })
+}
+
+fn slot_of_the_bus() -> Vec<usize> {
+    slot_of(|rig| bench::configure_bus(rig, 0, 500_000, &[Protocol::Rmd]))
+}
+
 #[test]
-fn where_both_copies_of_an_axis_are_damaged_the_e_stop_says_that_something_is_lost() {
-    let mut rig = bench::rmd_axes(1);
-    // The configuration of axis 0 is all that holds its node in this place: every word of it that
-    // is not 0, in both copies.
-    let states_and_axis = MARK_WORDS + 16..MARK_WORDS + 16 + 60;
-    for word in rig.memory[states_and_axis].iter_mut().filter(|word| **word != 0) {
-        *word ^= 1;
+fn what_both_copies_have_lost_of_axes_and_buses_is_found_in_the_flash_and_stopped() {
+    for (what, slot) in [
+        ("axis 0", slot_of_axis(0)),
+        ("axis 1", slot_of_axis(1)),
+        ("the bus", slot_of_the_bus()),
+        ("all", [slot_of_axis(0), slot_of_axis(1), slot_of_the_bus()].concat()),
+    ] {
+        for is_stored in [true, false] {
+            let mut rig = bench::rmd_axes(2);
+            let epoch = arm_axis(&mut rig, 1);
+            keep_moving(&mut rig, &[(1, epoch)], VELOCITY, 30_000);
+            let rows = if is_stored { rig.rows() } else { Vec::new() };
+            slot.iter().for_each(|index| rig.memory[*index] ^= 1);
+            rig.reset();
+            rig.handle(Event::EStopInput { open: false });
+            rig.run(1_000);
+            assert!(!rig.gateway.enable_output(), "{what}");
+            rig.load(&rows);
+            bench::hello(&mut rig);
+            rig.run(200_000);
+            let report = status(&mut rig);
+            assert_eq!((report.memory_damaged, report.e_stop_latched), (true, true), "{what}");
+            assert_eq!(rig.gateway.enable_output(), is_stored, "{what}");
+            if is_stored {
+                for axis in [0, 1] {
+                    let tripped = AxisState::Tripped { confirmed: true };
+                    assert_eq!(listed(&mut rig, axis), tripped, "{what}, axis {axis}");
+                }
+                assert!(rig.sent_since(0, 0).contains(&"142#8100000000000000"), "{what}");
+            }
+            // Before anybody has cleared it another reset finds the same.
+            rig.reset();
+            rig.handle(Event::EStopInput { open: false });
+            assert_eq!(rig.gateway.light(), Light::EStopped, "{what}");
+            if !is_stored {
+                rig.run(1_000);
+                assert!(!rig.gateway.enable_output(), "{what}");
+                bench::hello(&mut rig);
+                let clear = requests::Clear { target: ClearTarget::Gateway };
+                rig.ask(Request::Clear(clear)).unwrap();
+                rig.run(1_000);
+            }
+        }
     }
-    rig.reset();
-    bench::hello(&mut rig);
-    let report = status(&mut rig);
-    assert_eq!((report.memory_damaged, report.e_stop_latched), (true, true));
+}
+
+/// A board has fewer buses than there is room for.
+#[test]
+fn a_damaged_place_of_a_bus_that_the_board_does_not_have_is_mended() {
+    let mut rig = bench::rmd_axes(1);
+    let (bus, buses) = (slot_of_the_bus(), gateway::MAX_BUSES);
+    let words = bus[bus.len() - 1] + 1 - bus[0];
+    let behind_the_buses = bus[0] + words.div_ceil(2) * 2 * buses;
+    for index in bus[0]..behind_the_buses {
+        rig.memory[index] ^= 1 << 7;
+        rig.reset();
+        rig.handle(Event::EStopInput { open: false });
+        bench::hello(&mut rig);
+        rig.run(10_000);
+        let clear = requests::Clear { target: ClearTarget::Gateway };
+        rig.ask(Request::Clear(clear)).unwrap();
+        rig.reset();
+        rig.handle(Event::EStopInput { open: false });
+        assert_ne!(rig.gateway.light(), Light::EStopped, "word {index}");
+    }
 }
 
 #[test]

@@ -254,3 +254,31 @@ fn a_timeout_that_nothing_reads_back_is_not_verified() {
     assert_eq!(provision(&mut rig, 1), report(MotorTimeout::Unknown));
     assert_eq!(provision(&mut rig, 0), report(MotorTimeout::Off));
 }
+
+/// An RMD is told it behind a 0x80, and a stop comes between: it has what it had.
+#[test]
+fn a_timeout_that_a_stop_keeps_from_being_told_is_unknown_and_not_off() {
+    for (timeout_ms, told) in [(0, false), (70_000, false), (0, true)] {
+        let (mut rig, _) = bench::rmd_with_timeout(300);
+        let since = rig.now_us;
+        if told {
+            rig.instead(|text| match text.starts_with("141#B3") {
+                true => Instead::Nothing,
+                false => Instead::AsUsual,
+            });
+        }
+        let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms };
+        rig.send(&Request::ProvisionMotorTimeout(request));
+        rig.run(if told { 5_000 } else { 0 });
+        bench::stop(&mut rig);
+        run_with_host(&mut rig, 100_000);
+        bench::output_off(&mut rig).unwrap();
+        let was_told = rig.sent_since(0, since).iter().any(|text| text.starts_with("141#B3"));
+        assert_eq!(was_told, told);
+        let refused = match told {
+            true => Error::MotorTimeoutOff { axis: 0 },
+            false => Error::MotorTimeoutUnknown { axis: 0 },
+        };
+        assert_eq!(arm_allowing(&mut rig, told, !told), Err(refused), "{timeout_ms}");
+    }
+}

@@ -203,6 +203,12 @@ impl Rig {
     pub fn power_on_as(&mut self, board: &'static Board, rows: &[Vec<u8>]) {
         self.memory.fill(0x5A5A_5A5A);
         self.begin_again(board);
+        self.load(rows);
+        self.gateway.restore(self.now(), &[]);
+    }
+
+    /// The gateway is told what is stored.
+    pub fn load(&mut self, rows: &[Vec<u8>]) {
         let sums = rows.iter().map(|row| CHECKSUM.checksum(row));
         let digest = sums.fold(0, u32::wrapping_add);
         let mut rows = rows.iter();
@@ -211,8 +217,7 @@ impl Rig {
             out[..row.len()].copy_from_slice(row);
             Some(Ok(row.len()))
         };
-        self.gateway.load(self.now(), &[], Found::Rows { digest }, &mut next);
-        self.gateway.restore(self.now(), &[]);
+        self.gateway.load(self.now(), &self.memory, Found::Rows { digest }, &mut next);
     }
 
     /// The changes of the list are made, and the board is reset behind each word of what is stored

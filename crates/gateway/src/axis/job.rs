@@ -28,6 +28,8 @@ pub(crate) struct Job {
     pub(super) since: Instant,
     /// The holding brake has been freed.
     pub(super) brake_freed: bool,
+    /// The motor may have been told another timeout of its own.
+    timeout_told: bool,
     /// The motor's output is on, as the axis held before the job or a command of the job has
     /// switched it on.
     output_on: bool,
@@ -143,6 +145,7 @@ impl Job {
     /// The bus has taken an exchange.
     pub(super) fn note_handed(&mut self, exchange: Exchange) {
         self.brake_freed |= exchange == Exchange::ReleaseBrake;
+        self.timeout_told |= exchange == Exchange::RenewTimeout;
     }
 
     /// A command has left.
@@ -171,6 +174,7 @@ impl Axis {
             unanswered: 0,
             since: now,
             brake_freed: false,
+            timeout_told: false,
             output_on: matches!(self.state, State::Holding),
         });
         match kind {
@@ -423,6 +427,10 @@ impl Axis {
             } else {
                 self.enter_rest(now, job.output_on, out);
             }
+        }
+        if matches!(job.kind, JobKind::Provision { .. }) && !job.timeout_told {
+            // What it has is not known any more, but not that it has none.
+            self.forget_motor_timeout();
         }
         self.note_output(now, &job, out);
         out.answer(job.ticket, Err(error));

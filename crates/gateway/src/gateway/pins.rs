@@ -22,7 +22,7 @@ impl Gateway {
     }
 
     /// The level of the enable output since the latest event: inactive while a motor counts as
-    /// unreachable, so that its power can be cut.
+    /// unreachable, or one may be that a damaged memory has lost, so that its power can be cut.
     #[must_use]
     pub fn enable_output(&self) -> bool {
         self.enabled
@@ -30,7 +30,7 @@ impl Gateway {
 
     /// Tells the hosts of an enable output that has changed.
     pub(crate) fn watch_enable_output(&mut self, now: Instant) {
-        let active = self.axes.which(Is::Unreachable).is_empty();
+        let active = self.axes.which(Is::Unreachable).is_empty() && !self.retention.has_lost();
         if core::mem::replace(&mut self.enabled, active) != active && self.board.enable_output {
             self.outbox(now).event(&Event::EnableOutputChanged { active });
         }

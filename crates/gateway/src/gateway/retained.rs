@@ -73,6 +73,9 @@ pub(crate) struct Retention {
     is_damaged: bool,
     /// Places of the history that hold nothing readable.
     lost_incidents: Set,
+    /// Axes and buses of which nothing readable was left, and that nobody has configured since.
+    lost_axes: Set,
+    lost_buses: Set,
 }
 
 /// What is in the memory.
@@ -99,17 +102,40 @@ impl Retention {
             memory: Memory::Foreign,
             is_damaged: false,
             lost_incidents: Set::NONE,
+            lost_axes: Set::NONE,
+            lost_buses: Set::NONE,
         }
     }
 
     /// An axis has been configured or removed.
     pub fn axis_changed(&mut self, axis: u8) {
         self.axes.add(Set::of(axis));
+        self.lost_axes = self.lost_axes.without(Set::of(axis));
     }
 
     /// A bus has been configured.
     pub fn bus_changed(&mut self, bus: u8) {
         self.buses.add(Set::of(bus));
+        self.lost_buses = self.lost_buses.without(Set::of(bus));
+    }
+
+    /// Whether an axis or a bus is lost: a motor that nobody knows of may be in motion.
+    pub fn has_lost(&self) -> bool {
+        !self.lost_axes.with(self.lost_buses).is_empty()
+    }
+
+    /// Whether it is the row that this changes.
+    pub fn has_lost_of(&self, change: &Change) -> bool {
+        match change {
+            Change::Axis { axis, .. } => self.lost_axes.has(*axis),
+            Change::Bus { bus, .. } => self.lost_buses.has(*bus),
+            _ => false,
+        }
+    }
+
+    /// A person says that all is well.
+    pub fn forget_lost(&mut self) {
+        (self.lost_axes, self.lost_buses) = (Set::NONE, Set::NONE);
     }
 
     /// The gateway may have another name.
@@ -177,6 +203,13 @@ impl Retention {
                 Place::Incident(index) => self.lost_incidents.add(Set::of(index)),
             }
         }
+        if newest.is_none() && condition == Condition::Damaged {
+            match place {
+                Place::Axis(axis) => self.lost_axes.add(Set::of(axis)),
+                Place::Bus(bus) => self.lost_buses.add(Set::of(bus)),
+                _ => {}
+            }
+        }
         let (generation, payload) = newest?;
         *self.generations.get_mut(place.index())? = generation;
         Some(payload)
@@ -232,7 +265,8 @@ impl Gateway {
         true
     }
 
-    /// Those that have changed; that of an axis also when its motor was told what is kept with it.
+    /// Those that have changed; that of an axis also when its motor was told what is kept with it. What
+    /// is lost stays damaged until it is known again, or a person says that all is well.
     fn save_configurations(&mut self, store: Store<'_>) {
         let Self { retention, axes, buses, names, .. } = self;
         let unsaved = axes.which(Is::Unsaved);
@@ -245,14 +279,17 @@ impl Gateway {
                 retention.axes.add(Set::of(axis.index));
             }
         });
-        let (new_axes, new_buses) = (retention.axes.take(), retention.buses.take());
+        let new_axes = retention.axes.take().without(retention.lost_axes);
+        let new_buses = retention.buses.take().without(retention.lost_buses);
+        (retention.axes, retention.buses) = (retention.lost_axes, retention.lost_buses);
         for axis in axes.of(new_axes) {
             let name = names.words(AXIS_ROWS.start + usize::from(axis.index));
             retention.write(Place::Axis(axis.index.into()), &axis_words(axis, name), store);
         }
-        for (index, bus) in new_buses.into_iter().filter_map(|bus| Some((bus, buses.get(bus)?))) {
+        for index in new_buses {
             let name = names.words(BUS_ROWS.start + index);
-            retention.write(Place::Bus(index), &bus_words(bus.config(), name), store);
+            let config = buses.get(index).and_then(|bus| bus.config());
+            retention.write(Place::Bus(index), &bus_words(config, name), store);
         }
         if core::mem::take(&mut retention.gateway) {
             retention.write(Place::Gateway, &names.words(0), store);
@@ -296,8 +333,9 @@ impl Gateway {
     /// | a bus that the board cannot run now | as it was | what was in motion or tripped there is unreachable |
     ///
     /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where
-    /// both are, the axis or bus is lost, and the latched e-stop says that something is. If another
-    /// reset comes before all of this is stored, the next start finds the damage, or rows in part.
+    /// both are, the axis or bus is lost: the latched e-stop says that something is, and the enable
+    /// output stays inactive until [`load`](Self::load) finds it in what is stored, a host
+    /// configures it, or a person clears the e-stop. If another reset comes before all of this is stored, the next start finds the damage, or rows in part.
     pub fn restore(&mut self, now: Instant, words: &[u32]) {
         let words = if layout::is_ours(words) { words } else { &[] };
         if let Some(writing) = words.get(WRITING_AT) {
@@ -332,7 +370,7 @@ impl Gateway {
             has_crash_report: !self.board.crash_report.is_empty(),
         });
         self.measure_configuration();
-        self.stop_after_reset(now, states);
+        self.stop_after_reset(now, Set::ALL, states);
         self.remember_trips();
     }
 
@@ -377,14 +415,23 @@ impl Gateway {
         }
     }
 
-    fn stop_after_reset(&mut self, now: Instant, states: States) {
+    /// Stops an axis that was lost; those of a bus have tripped.
+    pub(super) fn stop_found(&mut self, now: Instant, change: &Change) {
+        if let Change::Axis { axis, .. } = change {
+            let states = States { moving: Set::of(*axis), ..States::NONE };
+            self.stop_after_reset(now, Set::of(*axis), states);
+        }
+        self.settle(now);
+    }
+
+    fn stop_after_reset(&mut self, now: Instant, these: Set, states: States) {
         let Self { axes, buses, links, history, .. } = self;
         let mut out = Outbox::new(now, links);
         let unserved = |axis: &Axis| {
             let bus = axis.config.bus().and_then(|bus| buses.get(usize::from(bus)));
             bus.is_some_and(|bus| bus.is_unserved())
         };
-        axes.each(axes.which(Is::Configured), |axis| {
+        axes.each(axes.which(Is::Configured).and(these), |axis| {
             let was_tripped = states.tripped.has(axis.index);
             if was_tripped || states.moving.has(axis.index) {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };

@@ -90,7 +90,8 @@ impl Gateway {
     /// `words`: that one counts. Once, before [`restore`](Self::restore), which has each axis
     /// stopped first; where [`is_remembered`](Self::is_remembered) it may come after. `next` writes
     /// one row after the other, in the order of their numbers, and returns the bytes of each;
-    /// nothing after the last; `Err` where a row cannot be read.
+    /// nothing after the last; `Err` where a row cannot be read. What a reset has left, and damage
+    /// has taken, is taken over too.
     ///
     /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
     /// [`ReadStored`](Request::ReadStored) says so.
@@ -99,7 +100,7 @@ impl Gateway {
         self.stored.state = State::Found(found);
         let Found::Rows { digest } = found else { return };
         if Self::is_remembered(words) {
-            return;
+            return self.find_lost(now, next);
         }
         let mut row = [0; MAX_STORED_ROW];
         let mut state = State::Found(found);
@@ -117,6 +118,21 @@ impl Gateway {
         }
         self.stored.state = state;
         self.retention.together = true;
+    }
+
+    /// Takes over what a damaged memory has lost, so that its motors are stopped: they may be in
+    /// motion. What does not fit beside the rest stays lost.
+    fn find_lost(&mut self, now: Instant, next: NextRow<'_>) {
+        let mut row = [0; MAX_STORED_ROW];
+        while self.retention.has_lost()
+            && let Some(Ok(length)) = next(&mut row)
+        {
+            let row = row.get(..length).unwrap_or_default();
+            let Ok((change, _)) = postcard::take_from_bytes::<Change>(row) else { return };
+            if self.retention.has_lost_of(&change) && self.load_row(now, row).is_none() {
+                self.stop_found(now, &change);
+            }
+        }
     }
 
     /// Makes the changes of a row. Returns why not.

@@ -195,8 +195,15 @@ impl World {
     /// First what is remembered, then the pins, then everything else.
     pub(super) fn start_gateway(&mut self) {
         let now = self.gateway_now();
-        self.load();
+        // What a reset has left does not wait for the storage.
+        let is_remembered = Gateway::is_remembered(&self.life.words);
+        if !is_remembered {
+            self.load();
+        }
         self.gateway.before_motion().restore(now, &self.life.words);
+        if is_remembered {
+            self.load();
+        }
         self.named = Set::ALL;
         self.life.words.resize(RETAINED_WORDS, 0);
         self.tell(Event::EStopInput { open: self.life.e_stop_input_open });

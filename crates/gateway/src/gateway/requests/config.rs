@@ -133,7 +133,10 @@ impl Gateway {
                 return Err(Error::RawOpen { bus: bus.index() });
             }
             let config = self.draft.bus(bus.index()).flatten();
-            let here = |axis: &&Axis| axis.config.bus().map(usize::from) == Some(index);
+            // One that does not run keeps the stops that are owed there.
+            let here = |axis: &&Axis| {
+                axis.config.bus().map(usize::from) == Some(index) && bus.config().is_some()
+            };
             for axis in self.axes.iter().filter(here) {
                 if !axis.is_at_rest() || axis.is_kept_holding() && bus.config() != config.as_ref() {
                     return Err(Error::BusInUse { bus: bus.index(), axis: axis.index });

@@ -434,6 +434,7 @@ impl Gateway {
         }
         if self.e_stopped {
             self.e_stopped = false;
+            self.retention.forget_lost();
             self.outbox(now).event(&Event::EStopCleared {});
         }
         Ok(())
