@@ -172,7 +172,7 @@ fn a_trip_is_kept_wherever_the_half_ends() {
 #[test]
 fn a_copy_that_is_made_while_the_core_goes_on_is_whole_or_none() {
     let (mut some, mut none) = (0, 0);
-    for name in scenarios().iter().step_by(8) {
+    for name in scenarios().iter().step_by(6) {
         for turns in [4, 16, 32] {
             match kept_in(SMALL, turns, name) {
                 Some(_) => some += 1,

@@ -55,12 +55,12 @@ fn an_rmd_of_v4_4() {
     sends(
         &motors,
         "motor 0:1@1000000 zero -1000",
-        &[off, "141#6300000018FCFFFF", "141#7600000000000000"],
+        &[off, "141#6300000018FCFFFF", off, "141#7600000000000000"],
     );
     sends(
         &motors,
         "motor 0:1@1000000 zero here",
-        &[off, "141#6400000000000000", "141#7600000000000000"],
+        &[off, "141#6400000000000000", off, "141#7600000000000000"],
     );
     sends(&motors, "motor 0:1@1000000 timeout 300", &[off, "141#B30000002C010000"]);
     sends(&motors, "motor 0:1@1000000 reset", &[off, "141#7600000000000000"]);
@@ -86,7 +86,7 @@ fn an_rmd_of_older_dialects() {
         &v3_6,
         "motor 0:1@1000000 acceleration position_acceleration_dps2=5000 \
             velocity_acceleration_dps2=3000",
-        &[off, "141#4300000088130000", "141#43020000B80B0000"],
+        &[off, "141#4300000088130000", off, "141#43020000B80B0000"],
     );
     let line = [(2, Rmd, 1, V3_9)];
     sends(

@@ -27,7 +27,6 @@ pub fn zero_here(run: &mut Run<'_>) -> Result<(), Failure> {
                 "takes the place where its shaft stands for zero, in its ROM, and restarts; \
                     positions and their limits count from there",
             )?;
-            run.switch_off()?;
             let written = match run.ask_rmd(&Request::WritePositionAsZero)? {
                 Reply::PositionWrittenAsZero { offset } => offset.0,
                 _ => return Err(run.unconfirmed("it does not tell the zero point")),
@@ -99,7 +98,6 @@ pub fn timeout(run: &mut Run<'_>, timeout_ms: Option<u32>) -> Result<(), Failure
     };
     let without = if timeout_ms == 0 { ": nothing stops it when the gateway fails" } else { "" };
     run.agree(&format!("gets a timeout of {timeout_ms} ms{without}"))?;
-    run.switch_off()?;
     let has = run.session.client.provision_motor_timeout(axis, timeout_ms)?;
     let after = match run.motor.protocol {
         Protocol::D5 => one("timeout_switch", register(run, Register::TIMEOUT_SWITCH)?),
@@ -142,7 +140,6 @@ pub fn brake(run: &mut Run<'_>, action: Option<BrakeAction>) -> Result<(), Failu
         }
         BrakeAction::Lock => Request::LockBrake,
     };
-    run.switch_off()?;
     run.ask_rmd(&request)?;
     let after = brake_released(run)?;
     run.report("brake", &before, Some(&after), &[])?;
@@ -177,7 +174,6 @@ pub fn reset(run: &mut Run<'_>) -> Result<(), Failure> {
                 Ok(one("run_time_ms", Number::Integer(ms)))
             };
             let before = time(run)?;
-            run.switch_off()?;
             if !run.restart()? {
                 return Err(run.unconfirmed("it is not back after its restart"));
             }
@@ -277,7 +273,6 @@ pub fn function(run: &mut Run<'_>, name: FunctionName, state: OnOff) -> Result<(
     // What it lacks is refused before anything is asked.
     run.motor.rmd(&Request::Function { function })?;
     run.agree(&format!("switches the function {} in its memory{more}", on_off(enabled)))?;
-    run.switch_off()?;
     if run.ask_rmd(&Request::Function { function })? != (Reply::Function { function }) {
         return Err(run.unconfirmed("it does not echo the function"));
     }

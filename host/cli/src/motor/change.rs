@@ -229,7 +229,6 @@ pub fn change(
         let restart = if writes.restarts { ", then restarts it" } else { "" };
         run.agree(&format!("writes {} into its memory{restart}", list.join(", ")))?;
     }
-    run.switch_off()?;
     for command in &writes.commands {
         run.ask(command)?;
     }

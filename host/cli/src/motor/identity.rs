@@ -337,7 +337,6 @@ pub fn bitrate(run: &mut Run<'_>, new: Option<u32>) -> Result<(), Failure> {
                     lacks(&run.motor, &text, "")
                 })?;
             run.agree(&question)?;
-            run.switch_off()?;
             let data = run.motor.rmd(&Request::SetBaudRate { code })?;
             run.ask(&data)?;
             "no RMD confirms it (0xB4)"

@@ -190,16 +190,6 @@ impl Run<'_> {
         })
     }
 
-    /// An RMD echoes the first command after its own timeout and does not carry it out; and from
-    /// V4.4 on it stores nothing while its output is on. So it is switched off before it is
-    /// changed.
-    fn switch_off(&mut self) -> Result<(), Failure> {
-        match self.motor.protocol {
-            Protocol::Rmd => self.ask_rmd(&::rmd::Request::Shutdown).map(drop),
-            Protocol::Thruster | Protocol::D5 => Ok(()),
-        }
-    }
-
     fn ask_rmd(&mut self, request: &::rmd::Request) -> Result<::rmd::Reply, Failure> {
         let data = self.motor.rmd(request)?;
         let reply = self.ask(&data)?;
