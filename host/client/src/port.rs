@@ -18,7 +18,7 @@ pub(crate) const UNIX_PREFIX: &str = "unix:";
 /// Holds the token for servers that want one.
 const TOKEN_VARIABLE: &str = "MGW_TOKEN";
 /// Longest wait of a read of a serial port.
-const SERIAL_WAIT: Duration = Duration::from_millis(100);
+const READ_WAIT: Duration = Duration::from_millis(100);
 /// What stands between a serial device and its bit rate.
 const BAUD_SEPARATOR: char = '@';
 
@@ -72,14 +72,20 @@ pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
         match Port::read(port)? {
             Port::Tcp(address) => {
                 let opened = crate::tcp::open(address, token().as_deref());
-                let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
+                let both = opened.and_then(|stream| {
+                    stream.set_read_timeout(Some(READ_WAIT))?;
+                    Ok((stream.try_clone()?, stream))
+                });
                 let (reader, writer) = both.map_err(|source| no_tcp(address, source))?;
                 (Box::new(reader), Box::new(writer))
             }
             #[cfg(unix)]
             Port::Unix(path) => {
                 let opened = crate::unix::open(path.as_ref());
-                let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
+                let both = opened.and_then(|stream| {
+                    stream.set_read_timeout(Some(READ_WAIT))?;
+                    Ok((stream.try_clone()?, stream))
+                });
                 let (reader, writer) = both.map_err(|source| no_server(path, source))?;
                 (Box::new(reader), Box::new(writer))
             }
@@ -91,8 +97,10 @@ pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
             }
             Port::Serial(device, baud) => {
                 let opened = crate::serial::open(device).and_then(|mut port| {
-                    port.set_timeout(SERIAL_WAIT)?;
-                    Ok((port.try_clone()?, port))
+                    port.set_timeout(READ_WAIT)?;
+                    let reader = port.try_clone()?;
+                    port.set_timeout(crate::serial::WRITE_TIMEOUT)?;
+                    Ok((reader, port))
                 });
                 let (reader, writer) = opened.map_err(|source| no_serial(device, baud, source))?;
                 (Box::new(reader), Box::new(writer))

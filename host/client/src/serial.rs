@@ -12,7 +12,7 @@ use crate::transport::Transport;
 /// Read timeout a port is opened with; each `receive` sets its own.
 const OPENING_TIMEOUT: Duration = Duration::from_millis(10);
 /// A device that takes no bytes for so long is gone.
-const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
+pub(crate) const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Shortest read timeout that the operating system is asked for; below its clock's tick it may not
 /// wait at all.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);

@@ -32,6 +32,11 @@ impl Ask {
             && self.is_readable()
     }
 
+    /// Whether another one, of whatever number, asks for the same.
+    pub fn is_like(&self, other: &Self) -> bool {
+        (self.number, &self.body) == (other.number, &other.body)
+    }
+
     /// The cable's rate is the server's business: its end has to follow.
     pub fn sets_baud(&self) -> bool {
         self.number == ask::SetBaud::NUMBER

@@ -66,8 +66,9 @@ pub struct Multiplexer {
     in_command: Option<ProgramId>,
     /// How often that has changed.
     claims: u64,
-    /// Stops of programs that have gone.
+    /// Stops of programs that have gone, and whether one of them went out last of all stops.
     last_words: VecDeque<Ask>,
+    last_words_went: bool,
     /// Whose turn it was last.
     turn: ProgramId,
     /// Who commands has waited for a full cable: one who watches goes next.
@@ -97,6 +98,7 @@ impl Multiplexer {
             in_command: None,
             claims: 0,
             last_words: VecDeque::new(),
+            last_words_went: false,
             turn: 0,
             watchers_next: false,
             subscribed: nothing(),
@@ -136,11 +138,15 @@ impl Multiplexer {
             return;
         }
         for stop in program.take_stops() {
-            if let Turn::Unanswered(ask) = stop
-                && !self.last_words.contains(&ask)
-                && self.last_words.len() < LAST_WORDS
-            {
-                self.last_words.push_back(ask);
+            let ask = match stop {
+                Turn::Unanswered(ask) => Some(ask),
+                Turn::Again(sequence) => self.cable.asked(sequence).map(|asked| asked.ask.clone()),
+                Turn::New(_) => None,
+            };
+            let is_known = |ask: &Ask| self.last_words.iter().any(|known| known.is_like(ask));
+            let new = ask.filter(|ask| ask.stops() && !is_known(ask));
+            if self.last_words.len() < LAST_WORDS {
+                self.last_words.extend(new);
             }
         }
     }

@@ -8,6 +8,7 @@ use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpListener};
 #[cfg(unix)]
 use std::os::unix::net::UnixListener;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -137,6 +138,8 @@ struct Shell<O, L> {
     log: L,
     start: Instant,
     cable: Option<Box<dyn Write + Send>>,
+    /// Who reads it ends with this: what reads keeps the device open, or a place at the gateway.
+    reads: Arc<()>,
     /// Which cable it is.
     turn: u64,
     opening: bool,
@@ -170,6 +173,7 @@ where
         log,
         start: Instant::now(),
         cable: None,
+        reads: Arc::default(),
         turn: 0,
         opening: false,
         try_at: Duration::ZERO,
@@ -326,13 +330,14 @@ where
         self.turn += 1;
         (self.opening, self.cable, self.told) = (false, Some(writer), None);
         self.multiplexer.cable_opened(now);
-        let (turn, sender) = (self.turn, self.sender.clone());
+        self.reads = Arc::default();
+        let (turn, sender, is_read) = (self.turn, self.sender.clone(), Arc::downgrade(&self.reads));
         thread::spawn(move || {
             let mut bytes = [0; 4_096];
             loop {
                 let read = match reader.read(&mut bytes) {
                     Ok(count) => bytes.get(..count).unwrap_or_default().to_vec(),
-                    Err(error) if nothing_came(&error) => continue,
+                    Err(error) if nothing_came(&error) && is_read.strong_count() > 0 => continue,
                     Err(_) => Vec::new(),
                 };
                 let is_gone = read.is_empty();
@@ -344,7 +349,7 @@ where
     }
 
     fn unplug(&mut self, now: Duration) {
-        self.cable = None;
+        (self.cable, self.reads) = (None, Arc::default());
         self.try_at = now + OPEN_EVERY;
         self.multiplexer.cable_closed(now);
     }

@@ -83,7 +83,7 @@ impl Multiplexer {
 
     /// A stop is executed each time it comes; of the same ones that wait one is enough.
     fn stop_unanswered(program: &mut Program, ask: Ask) {
-        let is_same = |turn: &Turn| matches!(turn, Turn::Unanswered(other) if other.number == ask.number && other.body == ask.body);
+        let is_same = |turn: &Turn| matches!(turn, Turn::Unanswered(other) if other.is_like(&ask));
         if !program.stops.iter().any(is_same) {
             program.stops.push_back(Turn::Unanswered(ask));
         }

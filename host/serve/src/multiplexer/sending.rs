@@ -72,9 +72,25 @@ impl Multiplexer {
         if !self.cable.has_room_for_stop(now) {
             return None;
         }
-        if let Some(ask) = self.last_words.pop_front() {
-            return Some(self.cable.ask(now, Asker::Server, ask, true, self.claims).1);
+        // Those who live and those who have gone take turns.
+        let live = |this: &mut Self| {
+            let frame = this.next_live_stop(now)?;
+            this.last_words_went = false;
+            Some(frame)
+        };
+        let gone = |this: &mut Self| {
+            let ask = this.last_words.pop_front()?;
+            this.last_words_went = true;
+            Some(this.cable.ask(now, Asker::Server, ask, true, this.claims).1)
+        };
+        if self.last_words_went {
+            live(self).or_else(|| gone(self))
+        } else {
+            gone(self).or_else(|| live(self))
         }
+    }
+
+    fn next_live_stop(&mut self, now: Duration) -> Option<Vec<u8>> {
         for id in self.in_turn().collect::<Vec<_>>() {
             let Some(program) = self.programs.get_mut(&id) else { continue };
             let waits =
@@ -160,7 +176,10 @@ impl Multiplexer {
                     return None;
                 }
                 let (sequence, frame) = self.cable.ask(now, asker, ask, true, claims);
-                self.programs.get_mut(&id)?.kept(order)?.fate = Fate::Asked(sequence);
+                // A new session has forgotten it, but not that it stops.
+                if let Some(kept) = self.programs.get_mut(&id)?.kept(order) {
+                    kept.fate = Fate::Asked(sequence);
+                }
                 Some(frame)
             }
             Turn::Unanswered(ask) => {

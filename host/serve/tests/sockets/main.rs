@@ -2,6 +2,7 @@
 #![cfg(target_os = "linux")]
 
 use std::fs;
+use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
@@ -11,7 +12,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use mgw_client::host_protocol::StopTarget;
-use mgw_client::{Client, ClientError, TcpTransport, Transport, open, open_halves};
+use mgw_client::{Client, ClientError, Halves, TcpTransport, Transport, open, open_halves};
 use mgw_serve::{Listener, serve};
 use mgw_sim::{Wiring, World};
 
@@ -172,4 +173,64 @@ fn one_program_more_takes_the_place_of_the_one_silent_for_longest() {
     programs[0].ping().expect("it has just been heard");
     programs[2].ping().expect("another one has been silent for longer");
     programs[1].ping().expect_err("it has lost its place");
+}
+
+/// A cable that is read for ever, in vain, and can be written so often.
+struct Stuck {
+    writes: u32,
+    open: Arc<AtomicU32>,
+}
+
+impl Stuck {
+    fn new(writes: u32, open: &Arc<AtomicU32>) -> Self {
+        open.fetch_add(1, Ordering::SeqCst);
+        Self { writes, open: open.clone() }
+    }
+}
+
+impl Read for Stuck {
+    fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+        thread::sleep(Duration::from_millis(1));
+        Err(io::ErrorKind::TimedOut.into())
+    }
+}
+
+impl Write for Stuck {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.writes = self.writes.checked_sub(1).ok_or(io::ErrorKind::TimedOut)?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Stuck {
+    fn drop(&mut self) {
+        self.open.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+/// The halves of one device: it can be opened again when both are gone.
+#[test]
+fn a_cable_that_takes_nothing_any_more_is_let_go_and_opened_again() {
+    let (open, opened) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicU32::new(0)));
+    let count = opened.clone();
+    thread::spawn(move || {
+        let open_one = move || {
+            if open.load(Ordering::SeqCst) > 0 {
+                return Err("it is in use".to_owned());
+            }
+            count.fetch_add(1, Ordering::SeqCst);
+            let half = |writes| Stuck::new(writes, &open);
+            Ok(Halves { reader: Box::new(half(0)), writer: Box::new(half(1)) })
+        };
+        serve(Vec::new(), open_one, |_: &str| {}, None);
+    });
+    let end = Instant::now() + PATIENCE;
+    while opened.load(Ordering::SeqCst) < 3 {
+        assert!(Instant::now() < end, "it is opened again");
+        thread::sleep(Duration::from_millis(1));
+    }
 }

@@ -78,6 +78,29 @@ fn a_stop_waits_for_no_repetitions() {
     assert!(takes <= LONGEST, "{takes:?}");
 }
 
+/// Programs that come, stop with ever other bodies, and go.
+#[test]
+fn a_stop_of_who_lives_takes_turns_with_those_of_who_has_gone() {
+    let bench = Bench::new();
+    let mut live = bench.wire();
+    for axis in 0..32 {
+        let wire = bench.wire();
+        let mut rig = bench.0.borrow_mut();
+        let now = Duration::from_micros(rig.world.now().as_micros());
+        for sequence in 0..4 {
+            let stop = ask::Stop { target: StopTarget::Axis(axis) };
+            rig.multiplexer.program_bytes(now, wire.id, &frame(sequence, &stop));
+        }
+        rig.multiplexer.program_closed(wire.id);
+    }
+    bench.0.borrow_mut().lost_per_mille = [1_000, 0];
+    let takes = estop_takes(&bench, &mut live);
+    assert!(takes <= LONGEST, "{takes:?}");
+    let rig = bench.0.borrow();
+    let stops = rig.cable.iter().filter(|(.., number)| *number == ask::Stop::NUMBER);
+    assert_eq!(stops.count(), 32, "each of them goes out once, those of axes that are none too");
+}
+
 /// Who commands and who watches take turns where the cable is full.
 #[test]
 fn long_requests_of_the_one_in_command_hold_up_nobody_for_ever() {
