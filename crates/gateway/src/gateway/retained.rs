@@ -74,7 +74,7 @@ pub(crate) struct Retention {
     /// Places of the history that hold nothing readable.
     lost_incidents: Set,
     /// Axes and buses of which nothing readable was left, and that nobody has configured since.
-    lost_axes: Set,
+    pub lost_axes: Set,
     lost_buses: Set,
 }
 
@@ -127,8 +127,12 @@ impl Retention {
     /// Whether it is the row that this changes.
     pub fn has_lost_of(&self, change: &Change) -> bool {
         match change {
-            Change::Axis { axis, .. } => self.lost_axes.has(*axis),
-            Change::Bus { bus, .. } => self.lost_buses.has(*bus),
+            Change::Axis { axis, .. } | Change::Name { of: Subject::Axis(axis), .. } => {
+                self.lost_axes.has(*axis)
+            }
+            Change::Bus { bus, .. } | Change::Name { of: Subject::Bus(bus), .. } => {
+                self.lost_buses.has(*bus)
+            }
             _ => false,
         }
     }
@@ -415,13 +419,10 @@ impl Gateway {
         }
     }
 
-    /// Stops an axis that was lost; those of a bus have tripped.
-    pub(super) fn stop_found(&mut self, now: Instant, change: &Change) {
-        if let Change::Axis { axis, .. } = change {
-            let states = States { moving: Set::of(*axis), ..States::NONE };
-            self.stop_after_reset(now, Set::of(*axis), states);
-        }
-        self.settle(now);
+    /// Stops those of the axes that were lost, and are no longer; those of a bus have tripped.
+    pub(super) fn stop_found(&mut self, now: Instant, lost: Set) {
+        let found = lost.without(self.retention.lost_axes);
+        self.stop_after_reset(now, found, States { moving: found, ..States::NONE });
     }
 
     fn stop_after_reset(&mut self, now: Instant, these: Set, states: States) {

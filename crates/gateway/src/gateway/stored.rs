@@ -106,7 +106,7 @@ impl Gateway {
         let mut state = State::Found(found);
         while let (State::Found(Found::Rows { .. }), Some(length)) = (state, next(&mut row)) {
             state = match length.ok().and_then(|length| row.get(..length)) {
-                Some(row) => self.load_row(now, row).unwrap_or(state),
+                Some(row) => self.load_row(now, row, false).unwrap_or(state),
                 None => State::Found(Found::Damaged),
             };
         }
@@ -123,26 +123,27 @@ impl Gateway {
     /// Takes over what a damaged memory has lost, so that its motors are stopped: they may be in
     /// motion. What does not fit beside the rest stays lost.
     fn find_lost(&mut self, now: Instant, next: NextRow<'_>) {
+        let lost = self.retention.lost_axes;
         let mut row = [0; MAX_STORED_ROW];
         while self.retention.has_lost()
             && let Some(Ok(length)) = next(&mut row)
         {
-            let row = row.get(..length).unwrap_or_default();
-            let Ok((change, _)) = postcard::take_from_bytes::<Change>(row) else { return };
-            if self.retention.has_lost_of(&change) && self.load_row(now, row).is_none() {
-                self.stop_found(now, &change);
-            }
+            let _ = self.load_row(now, row.get(..length).unwrap_or_default(), true);
         }
+        self.stop_found(now, lost);
     }
 
-    /// Makes the changes of a row. Returns why not.
-    fn load_row(&mut self, now: Instant, mut row: &[u8]) -> Option<State> {
+    /// Makes the changes of a row, or of one that is lost only. Returns why not.
+    fn load_row(&mut self, now: Instant, mut row: &[u8], lost: bool) -> Option<State> {
         let refused = |error: Error| Some(State::Refused { error: error.number() });
         self.draft.open();
         while !row.is_empty() {
             let Ok((change, rest)) = postcard::take_from_bytes::<Change>(row) else {
                 return Some(State::Found(Found::Damaged));
             };
+            if lost && !self.retention.has_lost_of(&change) {
+                break;
+            }
             let unserved = match &change {
                 Change::Bus { bus, config: Some(config) } => self.restore_unserved(*bus, *config),
                 _ => None,
