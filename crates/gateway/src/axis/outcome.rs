@@ -54,7 +54,7 @@ impl Axis {
         };
         self.transactions.begin(now, exchange, command, slot, mark, &self.config);
         self.note_handed(now, exchange);
-        self.note_restart(now, &command);
+        self.note_restart(now, exchange, &command);
     }
 
     /// The frame in `slot` has left; its reply may come within `window`.
@@ -64,7 +64,7 @@ impl Axis {
         };
         self.note_first_stop(request.exchange);
         self.prolong_pause(now);
-        self.note_restart(now, &request.command);
+        self.note_restart(now, request.exchange, &request.command);
         if let Some(job) = &mut self.job {
             job.note_transmitted(&request.command);
         }
@@ -112,7 +112,7 @@ impl Axis {
     pub fn cancelled(&mut self, now: Instant, slot: u8) {
         let Some(request) = self.transactions.cancelled(slot) else { return };
         self.not_delivered(&request);
-        if self.is_restart(&request.command) {
+        if self.is_restart(request.exchange, &request.command) {
             self.restarts_until = Instant::default();
         }
         match (request.exchange, &mut self.state) {

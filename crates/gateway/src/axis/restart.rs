@@ -46,15 +46,17 @@ impl Axis {
     /// The bus has taken a command, from when on it may leave also where a stop preempts it, or it
     /// has left. Whoever has the motor restart, and whatever ends the job, a stop or a bus that goes
     /// off, the motor's silence says nothing until it is back.
-    pub(super) fn note_restart(&mut self, now: Instant, command: &Command) {
-        if self.is_restart(command) {
+    pub(super) fn note_restart(&mut self, now: Instant, exchange: Exchange, command: &Command) {
+        if self.is_restart(exchange, command) {
             self.restarts_until = now + RESTARTS_WITHIN;
         }
     }
 
     /// Whether it is the command that has the motor restart.
-    pub(super) fn is_restart(&self, command: &Command) -> bool {
-        protocol::command(Exchange::Restart, &self.config).as_ref() == Some(command)
+    pub(super) fn is_restart(&self, exchange: Exchange, command: &Command) -> bool {
+        let restart = || protocol::command(Exchange::Restart, &self.config);
+        exchange == Exchange::Restart
+            || exchange == Exchange::Native && restart().as_ref() == Some(command)
     }
 
     /// Whether the job has told the motor to restart, and asks until it is back.

@@ -16,6 +16,8 @@ const TIMEOUT_OFF: u32 = 1 << 30;
 /// The power of a motor that was not heard for so long may have been off (GUARANTEES G1).
 const POWER_MAY_HAVE_BEEN_OFF: Duration = Duration::from_millis(1_000);
 
+/// No timeout that a motor can be told acts within this.
+const NONE_ACTS_WITHIN: Duration = Duration::from_millis(15);
 /// A timeout of which nothing is known is taken to act behind a silence of so long.
 const UNKNOWN_ACTS_AFTER: Duration = Duration::from_millis(100);
 
@@ -34,11 +36,14 @@ impl Axis {
     /// Whether the motor was not heard for so long that its own timeout may have acted, its clock
     /// being faster than ours.
     pub(super) fn may_have_let_go(&self, now: Instant) -> bool {
+        let silent = now.since(self.heard_at);
+        if silent < NONE_ACTS_WITHIN || !self.is_polled_to_hold() {
+            return false;
+        }
         let unknown = || (self.motor_timeout != MotorTimeout::Off).then_some(UNKNOWN_ACTS_AFTER);
         let timeout = self.programmed_timeout().or_else(unknown);
         let acts_after = |timeout: Duration| timeout - timeout.part(CLOCK_PART);
-        let silent = now.since(self.heard_at);
-        self.is_polled_to_hold() && timeout.is_some_and(|timeout| silent >= acts_after(timeout))
+        timeout.is_some_and(|timeout| silent >= acts_after(timeout))
     }
 
     /// The motor has been heard.
