@@ -181,7 +181,10 @@ impl SharedGateway {
         self.with(|parts, now| {
             parts.core.before_motion().load(now, parts.kept.as_slice(), found, next)
         });
-        if !is_remembered {
+        if is_remembered {
+            // What was lost and found is to be stopped.
+            self.handle(Event::Tick);
+        } else {
             self.start();
         }
         self.loaded.signal(());

@@ -301,8 +301,8 @@ fn a_brake_that_is_not_seen_to_lock_is_followed_by_the_stop_in_less_than_200_ms(
 /// The brake takes up to 150 ms: the motor hears nothing meanwhile, and its own timeout would leave
 /// an open brake and no output.
 #[test]
-fn a_timeout_that_would_act_while_the_brake_opens_is_refused() {
-    let (mut rig, _) = bench::rmd(StopAction::Brake);
+fn a_timeout_that_would_act_while_the_brake_opens_or_locks_is_refused() {
+    let (mut rig, _) = bench::rmd(StopAction::Hold);
     let releases = |rig: &mut Rig, so| {
         bench::parameter(rig, 0, AxisParameter::ReleaseBrakeWhenArming, Value::Bool(so));
     };
@@ -312,6 +312,7 @@ fn a_timeout_that_would_act_while_the_brake_opens_is_refused() {
         min: 160.0,
         max: u32::MAX as f32,
     };
+    assert_eq!(bench::provision(&mut bench::rmd(StopAction::Brake).0, 60), Err(too_short));
     releases(&mut rig, true);
     assert_eq!(bench::provision(&mut rig, 60), Err(too_short));
     releases(&mut rig, false);

@@ -4,7 +4,7 @@ use crate::bench::{self, VELOCITY, arm_axis, keep_moving, listed, run_with_host}
 use crate::rig::{BOARD_AGAIN, Instead, Rig};
 use gateway::{Event, Gateway, Light};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Protocol, Reply, Request, Value,
+    AxisParameter, AxisState, ClearTarget, Error, Protocol, Reply, Request, StopAction, Value,
     replies::GatewayReport, requests,
 };
 
@@ -228,6 +228,32 @@ fn what_both_copies_have_lost_of_axes_and_buses_is_found_in_the_flash_and_stoppe
             }
         }
     }
+}
+
+/// Its motor may be in motion, whoever knows it again.
+#[test]
+fn a_lost_axis_that_a_host_configures_is_stopped_and_has_tripped() {
+    let mut rig = bench::rmd_axes(2);
+    slot_of_axis(1).iter().for_each(|index| rig.memory[*index] ^= 1);
+    rig.reset();
+    rig.handle(Event::EStopInput { open: false });
+    bench::hello(&mut rig);
+    rig.run(50_000);
+    bench::parameter(&mut rig, 1, AxisParameter::VelocityLimitRadS, Value::Float(3.5));
+    rig.run(1_000);
+    assert!(!rig.gateway.enable_output(), "nobody knows where it is");
+    for (parameter, number) in [
+        (AxisParameter::Bus, 0),
+        (AxisParameter::Protocol, Protocol::Rmd.number()),
+        (AxisParameter::Node, 2),
+        (AxisParameter::StopAction, StopAction::Hold.number()),
+    ] {
+        bench::parameter(&mut rig, 1, parameter, Value::Unsigned(number.into()));
+    }
+    rig.run(100_000);
+    assert_eq!(listed(&mut rig, 1), AxisState::Tripped { confirmed: true });
+    assert!(rig.sent_since(0, 0).contains(&"142#8100000000000000"));
+    assert!(rig.gateway.enable_output());
 }
 
 /// A board has fewer buses than there is room for.

@@ -183,6 +183,31 @@ fn stops_that_take_turns_behind_long_windows_are_not_told_as_unsent() {
     assert!(!told.iter().any(unsent), "{told:?}");
 }
 
+/// Whose timeout is not known is not taken to have let go each time that others have had the line.
+#[test]
+fn a_motor_that_answers_is_confirmed_beside_one_that_does_not_behind_long_windows() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    let request = requests::ConfigureBus {
+        bus: 2,
+        bitrate: 115_200,
+        protocols: ProtocolSet::of(&[Protocol::Rmd]),
+        exclusive: false,
+        reply_window_us: 200_000,
+    };
+    rig.ask(Request::ConfigureBus(request)).unwrap();
+    bench::configure_axis(&mut rig, 1, 2, Protocol::Rmd, 2, StopAction::Hold);
+    let moving = [0, 1].map(|axis| (axis, arm_axis(&mut rig, axis)));
+    keep_moving(&mut rig, &moving, VELOCITY, 100_000);
+    rig.instead(|text| match text.starts_with("3E02") {
+        true => Instead::Nothing,
+        false => Instead::AsUsual,
+    });
+    bench::e_stop(&mut rig);
+    bench::run_with_host(&mut rig, 1_500_000);
+    assert_eq!(bench::listed(&mut rig, 0), AxisState::Tripped { confirmed: true });
+    assert_eq!(bench::listed(&mut rig, 1), AxisState::Tripped { confirmed: false });
+}
+
 /// On a line nothing leaves while an answer may come, so stops without a pause would take all of it
 /// until the motor is given up.
 #[test]

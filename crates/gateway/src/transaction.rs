@@ -258,6 +258,12 @@ impl Transactions {
         Some(transmitted)
     }
 
+    /// The request whose frame is in `slot`, under way or not, which has not left.
+    pub fn waiting_in(&self, slot: u8) -> Option<&Transaction> {
+        let requests = [&self.former, &self.current].into_iter().flatten();
+        requests.into_iter().find(|request| request.slot == slot && request.is_with_port())
+    }
+
     /// The frame in `slot` will not leave any more. Returns the request under way if it is that.
     pub fn cancelled(&mut self, slot: u8) -> Option<Transaction> {
         if self.former.as_ref().is_some_and(|f| f.slot == slot && f.is_with_port()) {
@@ -355,7 +361,10 @@ impl Transactions {
         if current.repeats(stops) {
             return Some(current);
         }
-        self.given_up(now, &current, config);
+        self.may_be_answered_late(now, &current.command, config);
+        if current.exchange == Exchange::Motion {
+            self.motion_reply_until = now + LATEST_REPLY;
+        }
         if current.is_awaited() {
             let until = now + current.window();
             // What is answered slowly is answered as nothing else, and however late by a motor that
@@ -388,13 +397,6 @@ impl Transactions {
     pub fn may_be_answered_late(&mut self, now: Instant, command: &Command, config: &AxisConfig) {
         if is_answered_like_the_stop(command, config) {
             self.stop_like_reply_until = now + LATEST_REPLY;
-        }
-    }
-
-    fn given_up(&mut self, now: Instant, request: &Transaction, config: &AxisConfig) {
-        self.may_be_answered_late(now, &request.command, config);
-        if request.exchange == Exchange::Motion {
-            self.motion_reply_until = now + LATEST_REPLY;
         }
     }
 

@@ -254,7 +254,7 @@ impl Axis {
         let lets_go = self.job_kind() == Some(JobKind::OutputOff);
         sequence.pass_over(|exchange| match exchange {
             Exchange::Motion => false,
-            // A motor that holds was not silent for its timeout, and goes on holding.
+            // A motor that holds is told to again behind a silence, and goes on holding.
             Exchange::OutputOff if !lets_go && self.is_held() => true,
             Exchange::OverwritePending | Exchange::ExecutePending if !self.write_waits => true,
             _ => self.command_for(exchange).is_none(),
@@ -349,10 +349,8 @@ impl Axis {
             }
             return;
         }
-        // What changes the motor is sent once: whether it was carried out is not known. A brake that
-        // was opened unseen has been locked again by the motor's own timeout.
-        let is_locked = exchange == Exchange::ReleaseBrake && self.may_have_let_go(now);
-        let tries = if changes || is_locked { 1 } else { self.config.missed_replies() };
+        // What changes the motor is sent once: whether it was carried out is not known.
+        let tries = if changes { 1 } else { self.config.missed_replies() };
         let may_be_mute = self.can(Exchange::AckLevel);
         let Some(job) = &mut self.job else { return };
         job.unanswered = job.unanswered.saturating_add(1);
@@ -373,6 +371,20 @@ impl Axis {
         if self.job_step() == Some(exchange) {
             let error = Error::Refused { axis: self.index, faults: self.measured.fault_word() };
             self.fail(now, error, out);
+        }
+    }
+
+    /// The motor's own timeout has acted behind the step before: what it was told since it has
+    /// ignored, and a brake that it had opened is locked again.
+    pub(super) fn fail_what_was_ignored(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        let changes = match self.job_step() {
+            Some(Exchange::RenewTimeout | Exchange::ReleaseBrake) => true,
+            Some(Exchange::Native) => !self.job_kind().is_some_and(JobKind::only_asks),
+            _ => false,
+        };
+        if changes {
+            let hint = NoReplyHint::None;
+            self.fail(now, Error::NoReply { axis: self.index, hint }, out);
         }
     }
 
@@ -429,8 +441,7 @@ impl Axis {
             }
         }
         if matches!(job.kind, JobKind::Provision { .. }) && !job.timeout_told {
-            // What it has is not known any more, but not that it has none.
-            self.forget_motor_timeout();
+            self.timeout_not_told();
         }
         self.note_output(now, &job, out);
         out.answer(job.ticket, Err(error));

@@ -110,11 +110,16 @@ impl Axis {
 
     /// The frame in `slot` will not leave any more: what it was for is due again.
     pub fn cancelled(&mut self, now: Instant, slot: u8) {
+        if let Some(Transaction { exchange, command, .. }) = self.transactions.waiting_in(slot) {
+            // The motor was not told.
+            if self.is_restart(*exchange, command) {
+                self.restarts_until = Instant::default();
+            } else if *exchange == Exchange::RenewTimeout {
+                self.timeout_not_told();
+            }
+        }
         let Some(request) = self.transactions.cancelled(slot) else { return };
         self.not_delivered(&request);
-        if self.is_restart(request.exchange, &request.command) {
-            self.restarts_until = Instant::default();
-        }
         match (request.exchange, &mut self.state) {
             (Exchange::Motion, _) => self.resend_motion(now),
             (exchange, State::Stopping(stop) | State::Tripped(_, stop)) => {
@@ -181,15 +186,14 @@ impl Axis {
         // What a motor says by itself does not show that it hears us; others show that they have power.
         let hears = !matches!(found, Match::Unasked) || !self.is_polled_to_hold();
         // Who has it restart has it hold again behind that.
-        let may_have_let_go = hears && self.may_have_let_go(now) && !self.waits_for_restart();
+        if hears && self.may_have_let_go(now) && !self.waits_for_restart() {
+            self.hold_again(now, out);
+            self.fail_what_was_ignored(now, out);
+        }
         if hears {
             self.heard(now);
         }
-        let unasked = self.take_in(now, found, &seen, received, data, out);
-        if may_have_let_go {
-            self.hold_again(now, out);
-        }
-        unasked
+        self.take_in(now, found, &seen, received, data, out)
     }
 
     fn take_in(

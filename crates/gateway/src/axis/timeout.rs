@@ -40,8 +40,9 @@ impl Axis {
         if silent < NONE_ACTS_WITHIN || !self.is_polled_to_hold() {
             return false;
         }
-        let unknown = || (self.motor_timeout != MotorTimeout::Off).then_some(UNKNOWN_ACTS_AFTER);
-        let timeout = self.programmed_timeout().or_else(unknown);
+        // Where none is known nothing else would have what holds be told again.
+        let guesses = self.is_held() && self.motor_timeout != MotorTimeout::Off;
+        let timeout = self.programmed_timeout().or(guesses.then_some(UNKNOWN_ACTS_AFTER));
         let acts_after = |timeout: Duration| timeout - timeout.part(CLOCK_PART);
         timeout.is_some_and(|timeout| silent >= acts_after(timeout))
     }
@@ -133,6 +134,13 @@ impl Axis {
         self.forget_motor_timeout();
         if is_as_good_as_none(timeout_ms) {
             self.timeout_is(MotorTimeout::Off);
+        }
+    }
+
+    /// That it has none was assumed of a command that was taken back.
+    pub(super) fn timeout_not_told(&mut self) {
+        if self.motor_timeout == MotorTimeout::Off {
+            self.timeout_is(MotorTimeout::Unknown);
         }
     }
 

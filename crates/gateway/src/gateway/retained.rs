@@ -74,7 +74,7 @@ pub(crate) struct Retention {
     /// Places of the history that hold nothing readable.
     lost_incidents: Set,
     /// Axes and buses of which nothing readable was left, and that nobody has configured since.
-    pub lost_axes: Set,
+    lost_axes: Set,
     lost_buses: Set,
 }
 
@@ -110,7 +110,13 @@ impl Retention {
     /// An axis has been configured or removed.
     pub fn axis_changed(&mut self, axis: u8) {
         self.axes.add(Set::of(axis));
-        self.lost_axes = self.lost_axes.without(Set::of(axis));
+    }
+
+    /// Whether the axis was lost. It is known again.
+    pub fn take_lost(&mut self, axis: u8) -> bool {
+        let lost = self.lost_axes;
+        self.lost_axes = lost.without(Set::of(axis));
+        lost != self.lost_axes
     }
 
     /// A bus has been configured.
@@ -197,21 +203,22 @@ impl Retention {
         let torn = self.memory == Memory::Restored { writing: place.writing() };
         let Found { newest, condition } = place.slot().read(words, torn);
         self.is_damaged |= condition == Condition::Damaged;
+        let is_lost = newest.is_none() && condition == Condition::Damaged;
+        let lost = |index: usize| if is_lost { Set::of(index) } else { Set::NONE };
         if condition != Condition::Sound {
             match place {
                 // Each start counts itself there.
                 Place::States => {}
-                Place::Axis(axis) => self.axes.add(Set::of(axis)),
-                Place::Bus(bus) => self.buses.add(Set::of(bus)),
+                Place::Axis(axis) => {
+                    self.axes.add(Set::of(axis));
+                    self.lost_axes.add(lost(axis));
+                }
+                Place::Bus(bus) => {
+                    self.buses.add(Set::of(bus));
+                    self.lost_buses.add(lost(bus));
+                }
                 Place::Gateway => self.gateway = true,
                 Place::Incident(index) => self.lost_incidents.add(Set::of(index)),
-            }
-        }
-        if newest.is_none() && condition == Condition::Damaged {
-            match place {
-                Place::Axis(axis) => self.lost_axes.add(Set::of(axis)),
-                Place::Bus(bus) => self.lost_buses.add(Set::of(bus)),
-                _ => {}
             }
         }
         let (generation, payload) = newest?;
@@ -374,7 +381,7 @@ impl Gateway {
             has_crash_report: !self.board.crash_report.is_empty(),
         });
         self.measure_configuration();
-        self.stop_after_reset(now, Set::ALL, states);
+        self.stop_after_reset(now, states);
         self.remember_trips();
     }
 
@@ -419,20 +426,14 @@ impl Gateway {
         }
     }
 
-    /// Stops those of the axes that were lost, and are no longer; those of a bus have tripped.
-    pub(super) fn stop_found(&mut self, now: Instant, lost: Set) {
-        let found = lost.without(self.retention.lost_axes);
-        self.stop_after_reset(now, found, States { moving: found, ..States::NONE });
-    }
-
-    fn stop_after_reset(&mut self, now: Instant, these: Set, states: States) {
+    fn stop_after_reset(&mut self, now: Instant, states: States) {
         let Self { axes, buses, links, history, .. } = self;
         let mut out = Outbox::new(now, links);
         let unserved = |axis: &Axis| {
             let bus = axis.config.bus().and_then(|bus| buses.get(usize::from(bus)));
             bus.is_some_and(|bus| bus.is_unserved())
         };
-        axes.each(axes.which(Is::Configured).and(these), |axis| {
+        axes.each(axes.which(Is::Configured), |axis| {
             let was_tripped = states.tripped.has(axis.index);
             if was_tripped || states.moving.has(axis.index) {
                 let known = if was_tripped { history.last_trip_of(axis.index) } else { None };
@@ -453,10 +454,14 @@ impl Gateway {
         self.settle(now);
     }
 
-    /// Whether an axis has still to see its first stop leave: after a start no host link is opened
-    /// before, at most 100 ms.
+    /// Whether an axis on a bus that runs has still to see its first stop leave: after a start no host
+    /// link is opened before, at most 100 ms.
     pub fn stops_under_way(&self) -> bool {
-        !self.unstopped.is_empty() || !self.axes.which(Is::FirstStop).is_empty()
+        let runs = |axis: &Axis| {
+            let bus = axis.config.bus().and_then(|bus| self.buses.get(usize::from(bus)));
+            bus.is_some_and(|bus| bus.config().is_some())
+        };
+        !self.unstopped.is_empty() || self.axes.of(self.axes.which(Is::FirstStop)).any(runs)
     }
 }
 

@@ -123,14 +123,12 @@ impl Gateway {
     /// Takes over what a damaged memory has lost, so that its motors are stopped: they may be in
     /// motion. What does not fit beside the rest stays lost.
     fn find_lost(&mut self, now: Instant, next: NextRow<'_>) {
-        let lost = self.retention.lost_axes;
         let mut row = [0; MAX_STORED_ROW];
         while self.retention.has_lost()
             && let Some(Ok(length)) = next(&mut row)
         {
             let _ = self.load_row(now, row.get(..length).unwrap_or_default(), true);
         }
-        self.stop_found(now, lost);
     }
 
     /// Makes the changes of a row, or of one that is lost only. Returns why not.

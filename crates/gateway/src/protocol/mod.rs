@@ -407,9 +407,10 @@ pub(crate) fn is_within_tolerance(one: u32, other: u32) -> bool {
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
     let Some(info) = Info::of_axis(config).filter(|_| timeout_ms != 0) else { return Ok(()) };
     let (min, max) = info.timeouts_ms;
-    // While arming waits for the brake the motor hears nothing.
-    let releases = command(Exchange::ReleaseBrake, config).is_some();
-    let unheard = if releases { BRAKE_TAKES } else { Duration::ZERO };
+    // While arming or a stop waits for the brake the motor hears nothing.
+    let brakes = command(Exchange::ReleaseBrake, config).is_some()
+        || stop_steps(config).contains(&Exchange::LockBrake);
+    let unheard = if brakes { BRAKE_TAKES } else { Duration::ZERO };
     Quantity::MotorTimeout.check(timeout_ms, (min.max(unheard.as_micros_u32() / 1_000), max))
 }
 

@@ -73,21 +73,17 @@ impl Multiplexer {
             return None;
         }
         // Those who live and those who have gone take turns.
-        let live = |this: &mut Self| {
-            let frame = this.next_live_stop(now)?;
-            this.last_words_went = false;
-            Some(frame)
-        };
-        let gone = |this: &mut Self| {
-            let ask = this.last_words.pop_front()?;
-            this.last_words_went = true;
-            Some(this.cable.ask(now, Asker::Server, ask, true, this.claims).1)
-        };
-        if self.last_words_went {
-            live(self).or_else(|| gone(self))
-        } else {
-            gone(self).or_else(|| live(self))
-        }
+        let gone_first = !self.last_words_went;
+        [gone_first, !gone_first].into_iter().find_map(|of_gone| {
+            let frame = if of_gone { self.next_last_word(now) } else { self.next_live_stop(now) };
+            self.last_words_went = of_gone;
+            frame
+        })
+    }
+
+    fn next_last_word(&mut self, now: Duration) -> Option<Vec<u8>> {
+        let ask = self.last_words.pop_front()?;
+        Some(self.cable.ask(now, Asker::Server, ask, true, self.claims).1)
     }
 
     fn next_live_stop(&mut self, now: Duration) -> Option<Vec<u8>> {

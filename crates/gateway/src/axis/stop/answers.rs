@@ -203,7 +203,7 @@ impl Stop {
     /// they led to is read anew.
     pub(in crate::axis) fn missed(&mut self) {
         self.sent = 0;
-        let reads = self.sequence.step() == Some(Exchange::Velocity);
+        let reads = self.sequence.step() == Some(Exchange::Velocity) && !self.is_braked();
         if reads && self.detour == Detour::None && !self.sequence.comes_again(Exchange::LockBrake) {
             self.acknowledged = false;
             self.sequence.restart();

@@ -12,7 +12,9 @@ use crate::protocol;
 use crate::rules;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
-use host_protocol::{AxisParameter, AxisState, BusKind, Change, Error, GatewayParameter, Value};
+use host_protocol::{
+    AxisParameter, AxisState, BusKind, Change, Error, GatewayParameter, TripReason, Value,
+};
 
 impl Gateway {
     pub(crate) fn remove_axis(&mut self, now: Instant, axis: u8) -> Result<()> {
@@ -244,6 +246,11 @@ impl Gateway {
                 axis.configured(reach.moved.has(index), reach.same.has(index), &mut out);
             }
             retention.axis_changed(index);
+            let is_known = axis.config.is_empty() || axis.is_configured();
+            if is_known && retention.take_lost(index) && axis.is_configured() {
+                // Its motor may be in motion.
+                axis.trip_after_reset(now, TripReason::Reset, false, &mut out);
+            }
         });
         if draft.rows() > 1 {
             retention.together = true;
