@@ -100,11 +100,14 @@ fn a_stop_that_is_not_given_up_is_confirmed_when_the_motor_holds_again() {
     }
 }
 
+/// Keeps all from the bus for so long, µs.
+type Cuts = fn(&mut Rig, u64);
+
 /// Nothing of a stop that waits in the controller is missed, and what is read of one whose bus is
 /// off is read from a motor that has let go.
 #[test]
 fn a_stop_under_which_the_cable_is_cut_is_confirmed_when_the_motor_holds_again() {
-    let ends: [(&str, fn(&mut Rig, u64)); 2] = [
+    let ends: [(&str, Cuts); 2] = [
         ("cut", |rig, us| {
             rig.cut();
             run_with_host(rig, us);

@@ -296,9 +296,9 @@ impl Oracle {
         let asked = axis.told == Told::Idle && native || let_go;
         // An RMD ignores what it is told first behind its own timeout: that goes before what a host
         // has it told.
-        let goes_before = axis.told == Told::Idle && axis.is_to_be_told;
+        let goes_before = axis.told == Told::Idle && axis.is_to_be_told && *first == OUTPUT_OFF;
         // Arming begins with the stop command too.
-        if !fits && !asked && !(goes_before && *first == OUTPUT_OFF) {
+        if !fits && !asked && !goes_before {
             self.broken(Check::WrongStopAction, now, format!("axis {index}: {first:02X}"));
         }
     }
