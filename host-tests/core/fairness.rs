@@ -159,9 +159,8 @@ fn a_motor_that_is_stopped_while_it_restarts_leaves_the_line_to_the_others_in_tu
     assert!(gap <= 35_000, "{gap} µs in which the motor has heard nothing");
 }
 
-/// What takes its turn leaves late by that.
-#[test]
-fn stops_that_take_turns_behind_long_windows_are_not_told_as_unsent() {
+/// Two RMDs in motion on a line whose reply window is 200 ms.
+fn two_behind_long_windows() -> Rig {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
     let request = requests::ConfigureBus {
         bus: 2,
@@ -174,6 +173,13 @@ fn stops_that_take_turns_behind_long_windows_are_not_told_as_unsent() {
     bench::configure_axis(&mut rig, 1, 2, Protocol::Rmd, 2, StopAction::Hold);
     let moving = [0, 1].map(|axis| (axis, arm_axis(&mut rig, axis)));
     keep_moving(&mut rig, &moving, VELOCITY, 100_000);
+    rig
+}
+
+/// What takes its turn leaves late by that.
+#[test]
+fn stops_that_take_turns_behind_long_windows_are_not_told_as_unsent() {
+    let mut rig = two_behind_long_windows();
     rig.instead(|_| Instead::Nothing);
     bench::e_stop(&mut rig);
     bench::run_with_host(&mut rig, 3_000_000);
@@ -186,18 +192,7 @@ fn stops_that_take_turns_behind_long_windows_are_not_told_as_unsent() {
 /// Whose timeout is not known is not taken to have let go each time that others have had the line.
 #[test]
 fn a_motor_that_answers_is_confirmed_beside_one_that_does_not_behind_long_windows() {
-    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
-    let request = requests::ConfigureBus {
-        bus: 2,
-        bitrate: 115_200,
-        protocols: ProtocolSet::of(&[Protocol::Rmd]),
-        exclusive: false,
-        reply_window_us: 200_000,
-    };
-    rig.ask(Request::ConfigureBus(request)).unwrap();
-    bench::configure_axis(&mut rig, 1, 2, Protocol::Rmd, 2, StopAction::Hold);
-    let moving = [0, 1].map(|axis| (axis, arm_axis(&mut rig, axis)));
-    keep_moving(&mut rig, &moving, VELOCITY, 100_000);
+    let mut rig = two_behind_long_windows();
     rig.instead(|text| match text.starts_with("3E02") {
         true => Instead::Nothing,
         false => Instead::AsUsual,
