@@ -3,12 +3,11 @@
 use std::fmt;
 use std::io;
 use std::net::IpAddr;
-use std::time::Duration;
 
 use host_protocol::DEFAULT_BAUD;
 
 use crate::serial::SerialTransport;
-use crate::tcp::TcpTransport;
+use crate::tcp::{READ_WAIT, TcpTransport};
 use crate::transport::Transport;
 
 /// What a TCP port's name begins with.
@@ -17,8 +16,6 @@ const TCP_PREFIX: &str = "tcp:";
 pub(crate) const UNIX_PREFIX: &str = "unix:";
 /// Holds the token for servers that want one.
 const TOKEN_VARIABLE: &str = "MGW_TOKEN";
-/// Longest wait of a read of a serial port.
-const READ_WAIT: Duration = Duration::from_millis(100);
 /// What stands between a serial device and its bit rate.
 const BAUD_SEPARATOR: char = '@';
 
@@ -72,20 +69,14 @@ pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
         match Port::read(port)? {
             Port::Tcp(address) => {
                 let opened = crate::tcp::open(address, token().as_deref());
-                let both = opened.and_then(|stream| {
-                    stream.set_read_timeout(Some(READ_WAIT))?;
-                    Ok((stream.try_clone()?, stream))
-                });
+                let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
                 let (reader, writer) = both.map_err(|source| no_tcp(address, source))?;
                 (Box::new(reader), Box::new(writer))
             }
             #[cfg(unix)]
             Port::Unix(path) => {
                 let opened = crate::unix::open(path.as_ref());
-                let both = opened.and_then(|stream| {
-                    stream.set_read_timeout(Some(READ_WAIT))?;
-                    Ok((stream.try_clone()?, stream))
-                });
+                let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
                 let (reader, writer) = both.map_err(|source| no_server(path, source))?;
                 (Box::new(reader), Box::new(writer))
             }

@@ -10,6 +10,8 @@ use crate::transport::Transport;
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long the peer may refuse to take bytes before the connection counts as gone.
 pub(crate) const SEND_TIMEOUT: Duration = Duration::from_secs(1);
+/// Longest wait of a read, where nobody sets another.
+pub(crate) const READ_WAIT: Duration = Duration::from_millis(100);
 /// Shortest read timeout that the operating system is asked for; it takes zero for "for ever".
 const SHORTEST_WAIT: Duration = Duration::from_micros(100);
 
@@ -115,6 +117,7 @@ pub(crate) fn open(address: &str, token: Option<&str>) -> io::Result<TcpStream> 
                 // only delays them.
                 stream.set_nodelay(true)?;
                 stream.set_write_timeout(Some(SEND_TIMEOUT))?;
+                stream.set_read_timeout(Some(READ_WAIT))?;
                 if let Some(token) = token {
                     stream.write_all(format!("token={token}\0").as_bytes())?;
                 }

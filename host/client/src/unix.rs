@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use socket2::{Domain, SockAddr, Socket, Type};
 
-use crate::tcp::{SEND_TIMEOUT, nothing_came, read_within};
+use crate::tcp::{READ_WAIT, SEND_TIMEOUT, nothing_came, read_within};
 use crate::transport::Transport;
 
 /// A connection to a server in wall-clock time.
@@ -74,6 +74,7 @@ impl Transport for UnixTransport {
 pub(crate) fn open(path: &Path) -> io::Result<UnixStream> {
     let socket = Socket::new(Domain::UNIX, Type::STREAM, None)?;
     socket.set_write_timeout(Some(SEND_TIMEOUT))?;
+    socket.set_read_timeout(Some(READ_WAIT))?;
     socket.connect(&SockAddr::unix(path)?).map_err(|error| match error.kind() {
         io::ErrorKind::WouldBlock => {
             io::Error::new(io::ErrorKind::TimedOut, "it hangs and takes no connection")
