@@ -49,7 +49,8 @@ fn rmd_reads_and_timeout_on_can() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     let sent = read_state(&mut rig, 0);
     assert_eq!(sent, ["141#9C00000000000000", "141#9200000000000000", "141#9A00000000000000"]);
-    assert_eq!(provision(&mut rig, 0, 1_000), ["141#8000000000000000", "141#B3000000E8030000"]); // RMD V3.6 §2.30.4
+    // RMD V3.6 §2.30.4
+    assert_eq!(provision(&mut rig, 0, 1_000), ["141#8000000000000000", "141#B3000000E8030000"]);
 }
 
 #[test]

@@ -101,8 +101,9 @@ impl JobKind {
         matches!(self, Self::ReadState | Self::Recognise | Self::Native { asks: true, .. })
     }
 
-    /// Its steps. Those that the motor has no command for are passed over. One that has a command
-    /// that switches its output off ignores what it is told first behind its own timeout: that.
+    /// Its steps. Those that the motor has no command for are passed over. Output off goes before a
+    /// change, as a motor that has such a command ignores what it is told first behind its own
+    /// timeout.
     fn steps(self, config: &AxisConfig) -> &'static [Exchange] {
         let Some(info) = Info::of_axis(config) else { return &[] };
         match self {

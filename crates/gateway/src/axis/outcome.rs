@@ -183,7 +183,8 @@ impl Axis {
     ) -> Option<Unasked> {
         let mut seen = Observation::default();
         let found = self.transactions.received(now, received, &self.config, &mut seen);
-        // What a motor says by itself does not show that it hears us; others show that they have power.
+        // What a motor says by itself does not show that it hears us; others show that they have
+        // power.
         let hears = !matches!(found, Match::Unasked) || !self.is_polled_to_hold();
         // Who has it restart has it hold again behind that.
         if hears && self.may_have_let_go(now) && !self.waits_for_restart() {

@@ -44,8 +44,8 @@ impl RunTime {
 
 impl Axis {
     /// The bus has taken a command, from when on it may leave also where a stop preempts it, or it
-    /// has left. Whoever has the motor restart, and whatever ends the job, a stop or a bus that goes
-    /// off, the motor's silence says nothing until it is back.
+    /// has left. Whoever has the motor restart, and whatever ends the job, a stop or a bus that
+    /// goes off, the motor's silence says nothing until it is back.
     pub(super) fn note_restart(&mut self, now: Instant, exchange: Exchange, command: &Command) {
         if self.is_restart(exchange, command) {
             self.restarts_until = now + RESTARTS_WITHIN;

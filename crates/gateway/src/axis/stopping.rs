@@ -95,8 +95,8 @@ impl Axis {
         self.is_kept_holding() || self.must_hold() && is_confirmed
     }
 
-    /// Its own timeout may have cut the output since: it is told to hold again, and a stop under way
-    /// confirms nothing by what it was told before.
+    /// Its own timeout may have cut the output since: it is told to hold again, and a stop under
+    /// way confirms nothing by what it was told before.
     pub(super) fn hold_again(&mut self, now: Instant, out: &mut Outbox<'_>) {
         if self.is_kept_holding() {
             self.halt(now, out);

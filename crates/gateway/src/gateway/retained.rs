@@ -23,7 +23,7 @@ use crate::config::AxisConfig;
 use crate::filled::filled;
 use crate::gateway::Gateway;
 use crate::gateway::names::{NAME_WORDS, NameWords};
-use crate::gateway::requests::Result;
+use crate::gateway::requests::{Result, running_bus};
 use crate::gateway::stored::{AXIS_ROWS, BUS_ROWS};
 use crate::history::{History, INCIDENTS};
 use crate::log::LogEntry;
@@ -276,8 +276,8 @@ impl Gateway {
         true
     }
 
-    /// Those that have changed; that of an axis also when its motor was told what is kept with it. What
-    /// is lost stays damaged until it is known again, or a person says that all is well.
+    /// Those that have changed; that of an axis also when its motor was told what is kept with it.
+    /// What is lost stays damaged until it is known again, or a person says that all is well.
     fn save_configurations(&mut self, store: Store<'_>) {
         let Self { retention, axes, buses, names, .. } = self;
         let unsaved = axes.which(Is::Unsaved);
@@ -346,7 +346,8 @@ impl Gateway {
     /// Both copies of a slot say the same, so one that is damaged costs no configuration. Where
     /// both are, the axis or bus is lost: the latched e-stop says that something is, and the enable
     /// output stays inactive until [`load`](Self::load) finds it in what is stored, a host
-    /// configures it, or a person clears the e-stop. If another reset comes before all of this is stored, the next start finds the damage, or rows in part.
+    /// configures it, or a person clears the e-stop. If another reset comes before all of this is
+    /// stored, the next start finds the damage, or rows in part.
     pub fn restore(&mut self, now: Instant, words: &[u32]) {
         let words = if layout::is_ours(words) { words } else { &[] };
         if let Some(writing) = words.get(WRITING_AT) {
@@ -454,13 +455,10 @@ impl Gateway {
         self.settle(now);
     }
 
-    /// Whether an axis on a bus that runs has still to see its first stop leave: after a start no host
-    /// link is opened before, at most 100 ms.
+    /// Whether an axis on a bus that runs has still to see its first stop leave: after a start no
+    /// host link is opened before, at most 100 ms.
     pub fn stops_under_way(&self) -> bool {
-        let runs = |axis: &Axis| {
-            let bus = axis.config.bus().and_then(|bus| self.buses.get(usize::from(bus)));
-            bus.is_some_and(|bus| bus.config().is_some())
-        };
+        let runs = |axis: &Axis| running_bus(&self.buses, axis).is_ok_and(|bus| bus.is_some());
         !self.unstopped.is_empty() || self.axes.of(self.axes.which(Is::FirstStop)).any(runs)
     }
 }

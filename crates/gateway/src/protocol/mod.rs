@@ -137,8 +137,8 @@ pub(crate) struct Info {
     /// Whatever a motor hears may set it in motion: one that its own timeout has stopped may go on
     /// with its old setpoint.
     pub resumes_when_asked: bool,
-    /// Its motors hold only while they hear something, and ignore what they are told first behind their
-    /// own timeout.
+    /// Its motors hold only while they hear something, and ignore what they are told first behind
+    /// their own timeout.
     pub polled_to_hold: bool,
     /// One frame can start several of its motors.
     pub starts_together: bool,

@@ -193,7 +193,8 @@ impl Oracle {
         complete: impl FnOnce(Permit) -> Permit,
     ) {
         let Some(axis) = self.axes.get_mut(usize::from(axis)) else { return };
-        // Allowance: armed, its epoch not told yet, as others are still being armed: a host may guess.
+        // Allowance: armed, its epoch not told yet, as others are still being armed: a host may
+        // guess.
         if !axis.armed || axis.epoch.is_some_and(|current| current != epoch) || self.e_stopped {
             return;
         }

@@ -198,9 +198,9 @@ impl Stop {
         if is_of_job { StopEffect::None } else { came_to_nothing_by(exchange) }
     }
 
-    /// The motor has not answered a stop command, or was not heard for its own timeout: it may have let
-    /// go by that, answers the first command after it, and ignores it. It takes two again, and where it is to hold, what
-    /// they led to is read anew.
+    /// The motor has not answered a stop command, or was not heard for its own timeout: it may have
+    /// let go by that, answers the first command after it, and ignores it. It takes two again, and
+    /// where it is to hold, what they led to is read anew.
     pub(in crate::axis) fn missed(&mut self) {
         self.sent = 0;
         let reads = self.sequence.step() == Some(Exchange::Velocity) && !self.is_braked();

@@ -495,7 +495,7 @@ pub(crate) fn ready_bus(buses: &[Tracked<Bus>], axis: &Axis) -> Result<()> {
 }
 
 /// The bus of an axis, which must be configured.
-fn running_bus<'a>(buses: &'a [Tracked<Bus>], axis: &Axis) -> Result<Option<&'a Bus>> {
+pub(crate) fn running_bus<'a>(buses: &'a [Tracked<Bus>], axis: &Axis) -> Result<Option<&'a Bus>> {
     let Some(index) = axis.config.bus() else { return Ok(None) };
     let bus = buses.get(usize::from(index)).ok_or_else(|| unknown_bus(buses, index))?;
     bus.config().map(|_| Some(&**bus)).ok_or(Error::BusNotConfigured { bus: index })
