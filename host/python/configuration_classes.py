@@ -1,16 +1,15 @@
 #!/usr/bin/env python3
-"""Writes python/motor_gateway/configuration.py from the tables of the gateway's parameters.
+"""Makes python/motor_gateway/configuration.py of what `mgw config schema` prints.
 
-    configuration_classes.py            prints it
-    configuration_classes.py --write    writes it
+    mgw config schema | configuration_classes.py --write    writes it
+    mgw config schema | configuration_classes.py --check    says whether it is as committed
 """
 
+import json
 import sys
 import textwrap
 from pathlib import Path
 from typing import Any, Dict, List
-
-from motor_gateway import configuration_schema
 
 HOME = Path(__file__).parent
 PLACE = HOME / "python" / "motor_gateway" / "configuration.py"
@@ -111,8 +110,7 @@ def example() -> str:
     )
 
 
-def text() -> str:
-    sections = configuration_schema()["properties"]
+def text(sections: Dict[str, Any]) -> str:
     return "".join([
         HEAD,
         dataclass("GatewaySettings", "What holds for the gateway as a whole.", sections["gateway"]),
@@ -124,7 +122,11 @@ def text() -> str:
 
 
 if __name__ == "__main__":
+    made = text(json.load(sys.stdin)["properties"])
     if sys.argv[1:] == ["--write"]:
-        PLACE.write_text(text(), encoding="utf-8")
+        PLACE.write_text(made, encoding="utf-8")
+    elif sys.argv[1:] == ["--check"]:
+        if made != PLACE.read_text(encoding="utf-8"):
+            sys.exit(f"{PLACE} is not what the parameters make: run `.ci/python classes`")
     else:
-        print(text(), end="")
+        sys.exit(__doc__)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any, Dict
 
@@ -107,14 +105,6 @@ def test_a_refusal_because_of_an_axis_that_holds_names_the_way_out(gateway: Gate
             gateway.configure(change, merge=True)
     gateway.output_off(0)
     assert gateway.state(0).state == "idle"
-
-
-def test_the_dataclasses_are_made_of_the_gateways_tables() -> None:
-    script = HOME / "configuration_classes.py"
-    made = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60)
-    committed = HOME / "python" / "motor_gateway" / "configuration.py"
-    assert made.returncode == 0, made.stderr
-    assert made.stdout == committed.read_text(encoding="utf-8"), "run `.ci/python classes`"
 
 
 def test_a_simulator_with_other_motors() -> None:

@@ -117,7 +117,8 @@ class Axis:
     release_brake_when_arming: Optional[bool] = None
     #: Thruster protocol: bytes 6 and 7 of the VM that the device is set to, as one number. 0: it
     #: echoes; 0x0001 to 0x0007: frames with a header; 0x0200 to 0x0207: one frame without; with
-    #: bit 8 it returns nothing and cannot be armed. 0 to 775. Default 0.
+    #: bit 8 it returns nothing and cannot be armed. A native VM that the device takes sets it. 0
+    #: to 775. Default 0.
     return_mode: Optional[int] = None
     #: RMD: the version of the protocol that the motor speaks: 0 unknown, 1 v3_6, 2 v3_7 (and 3.8),
     #: 3 v3_9 (to 4.1), 4 v4_2, 5 v4_3, 6 v4_4. Native commands and impedance follow it; unknown
