@@ -297,7 +297,8 @@ fn no_cycle_takes_longer_than_the_longest() {
         let Some(mut armed) = Armed::of(&gateway) else { continue };
         let Some(bus) = armed.slowest(|plan| plan.longest) else { continue };
         let axes = (1 << gateway.motors.len()) - 1;
-        let (out, back) = cycle_frame_bytes(axes, 0, gateway.fields);
+        let velocity = |axis| make_velocity(axis, 0.0).setpoint;
+        let (out, back) = cycle_frame_bytes(axes, velocity, gateway.fields);
         let line_us = (out + back) as u64 * 10 * 1_000_000 / u64::from(BAUD);
         let software = Duration::from_micros(2 * SOFTWARE.as_micros());
         let longest = bus + Duration::from_micros(line_us) + software;

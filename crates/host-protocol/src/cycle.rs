@@ -348,25 +348,20 @@ impl CycleReport {
     }
 }
 
-/// Bytes of a [`Cycle`](crate::requests::Cycle) on the wire, of velocities for these axes, bit 0
-/// being axis 0, and of impedance setpoints for those among them, and of its report at most, each with its framing. Of more axes than a cycle can
-/// have: as of as many as it can.
-pub fn cycle_frame_bytes(axes: u32, impedance: u32, fields: StateFields) -> (usize, usize) {
-    let velocity = Setpoint::Velocity { velocity_rad_s: 0.0 };
-    let stiff = Setpoint::Impedance {
-        position_rad: 0.0,
-        velocity_rad_s: 0.0,
-        stiffness_nm_per_rad: 0.0,
-        damping_nm_s_per_rad: 0.0,
-        torque_nm: 0.0,
-    };
+/// Bytes of a [`Cycle`](crate::requests::Cycle) on the wire, of a setpoint for each of these axes,
+/// bit 0 being axis 0, and of its report at most, each with its framing. Of more axes than a cycle
+/// can have: as of as many as it can.
+pub fn cycle_frame_bytes(
+    axes: u32,
+    setpoint: impl Fn(u8) -> Setpoint,
+    fields: StateFields,
+) -> (usize, usize) {
     let (epoch, expires_at_us) = (FixedU32(u32::MAX), FixedU32(u32::MAX));
     let mut report =
         CycleReport { time_us: FixedU32(u32::MAX), fields, axes: 0, states: Bytes::new() };
     let mut setpoints = crate::Vec::new();
     for state in longest_states(axes) {
-        let is_stiff = impedance >> state.axis & 1 != 0;
-        let _ = setpoints.push(if is_stiff { stiff } else { velocity });
+        let _ = setpoints.push(setpoint(state.axis));
         report.push(state);
     }
     let cycle =
@@ -499,16 +494,19 @@ mod tests {
         let length = reply.encode_frame(u16::MAX, &mut out).unwrap();
         assert!(length <= 128, "{length}");
         // A speed above 1048 rad/s, or none, takes a byte more.
-        assert_eq!(cycle_frame_bytes(0xFF, 0, fields), (64, 132));
-        // 16 bytes more than a velocity, each.
-        assert_eq!(cycle_frame_bytes(0xFF, 0b101, fields).0, 64 + 2 * 16);
+        assert_eq!(cycle_frame_bytes(0xFF, |_| velocity, fields), (64, 132));
+        // A second number takes four bytes more.
+        let position = Setpoint::Position { position_rad: 1.0, speed_limit_rad_s: 1.0 };
+        let two = |axis| if matches!(axis, 0 | 2) { position } else { velocity };
+        assert_eq!(cycle_frame_bytes(0xFF, two, fields).0, 64 + 2 * 4);
     }
 
     #[test]
     fn the_bytes_of_every_cycle_fit_a_message() {
         let all = StateFields::of(StateField::ALL);
         for axes in [0x1_u32, 0xFFFF, u32::MAX] {
-            let (out, back) = cycle_frame_bytes(axes, 0, all);
+            let velocity = |_| Setpoint::Velocity { velocity_rad_s: 1.0 };
+            let (out, back) = cycle_frame_bytes(axes, velocity, all);
             assert!((20..=MAX_FRAME).contains(&out) && (20..=MAX_FRAME).contains(&back));
         }
     }

@@ -424,14 +424,18 @@ impl Row {
             for reply in replies {
                 *by_id.entry(reply.frame.id.value()).or_insert(0_u64) += 1;
             }
+            if by_id.len() < usize::from(situation.per_bus) {
+                rates.insert(0);
+            }
             exchanges += by_id.values().sum::<u64>();
             rates.extend(by_id.into_values().map(|count| count * 10_000_000_000 / nanos));
         }
-        let tenths_hz = *rates.first().expect("every axis was served");
+        let tenths_hz = *rates.first().expect("a bus");
         let limit_tenths = 10_000_000 / u64::from(situation.wire_us());
         let periods = u64::from(PERIODS);
-        // A host that is told of no period at all has lost every one.
-        let ends = before.last().zip(events.last());
+        let told = events.len() as u64 * 1_000 / periods;
+        // What has come before the first that is told here counts where nothing was told before.
+        let ends = before.last().or(events.first()).zip(events.last());
         let overran = |of: fn(&Overruns) -> u32| {
             let ends = ends.map(|(first, last)| (of(&first.overruns), of(&last.overruns)));
             ends.map_or(1_000, |(first, last)| u64::from(last - first) * 1_000 / periods)
@@ -448,6 +452,7 @@ impl Row {
                 tenths_hz * 1_000 / limit_tenths,
                 per(wire / 100, exchanges),
                 busy * 1_000 / nanos,
+                told,
                 overran(|overruns| overruns.bus),
                 overran(|overruns| overruns.motor),
                 overran(|overruns| overruns.host),

@@ -17,7 +17,7 @@ use crate::protocol::{self, Exchange, Info};
 use crate::set::Set;
 use crate::time::Duration;
 use heapless::Vec;
-use host_protocol::{AxisParameter, BusKind, Setpoint, StateFields};
+use host_protocol::{AxisParameter, BusKind, Error, Setpoint, StateFields};
 
 /// Setpoints that tell the fixed bytes at the beginning of a command from its value: every protocol
 /// takes them, and the first byte of the value differs, whether a sign is a bit or a complement.
@@ -25,11 +25,10 @@ const STEPS: [[Setpoint; 2]; 4] = [
     [Setpoint::Velocity { velocity_rad_s: 4.0 }, Setpoint::Velocity { velocity_rad_s: -8.0 }],
     [Setpoint::Signal { fraction: 0.01 }, Setpoint::Signal { fraction: -0.02 }],
     [Setpoint::Current { current_a: 0.02 }, Setpoint::Current { current_a: -0.04 }],
-    [
-        Setpoint::Position { position_rad: 0.0, speed_limit_rad_s: 3.5 },
-        Setpoint::Position { position_rad: 0.0, speed_limit_rad_s: 35.0 },
-    ],
+    [POSITION, Setpoint::Position { position_rad: 0.0, speed_limit_rad_s: 35.0 }],
 ];
+
+const POSITION: Setpoint = Setpoint::Position { position_rad: 0.0, speed_limit_rad_s: 3.5 };
 
 /// An impedance setpoint.
 const STIFF: Setpoint = Setpoint::Impedance {
@@ -121,6 +120,8 @@ pub struct AxisPlan {
     pub reply_bits: u64,
     /// Frames that answer a setpoint.
     pub replies: u64,
+    /// Whether it takes position setpoints: two numbers, which the host's line carries.
+    pub takes_position: bool,
     /// Requests of a period of `RunCycle` beside the setpoint.
     pub reads: u64,
     /// How long its motor takes to begin its reply.
@@ -244,6 +245,7 @@ impl Bus {
                 request_bits,
                 reply_bits,
                 replies,
+                takes_position: takes_position(axis),
                 reads,
                 reply_delay: delay,
                 can_confirm: protocol::can_confirm(&axis.config),
@@ -358,6 +360,12 @@ impl Bus {
         let all = asked.iter().chain(&[Exchange::Faults, Exchange::RunTime]);
         all.filter_map(bits).max().unwrap_or(self.longest_frame_bits)
     }
+}
+
+/// Whether the axis takes position setpoints, whatever it makes of this one.
+fn takes_position(axis: &Axis) -> bool {
+    let made = protocol::motion(axis.index, POSITION, &axis.config);
+    !matches!(made, Err(Error::Unsupported { .. } | Error::NotConfigured { .. }))
 }
 
 /// Where an axis is in a cycle.

@@ -8,10 +8,10 @@ use crate::sections::{COMMENT, Malformed, SEPARATOR, lines, not_committed, not_m
 const RATE_TOLERANCE: u64 = 50;
 const COST_TOLERANCE: u64 = 20;
 /// How many columns there are.
-const COLUMNS: usize = 12;
+const COLUMNS: usize = 13;
 /// The places of what is compared.
 const RATE: usize = 1;
-const COST: usize = 10;
+const COST: usize = 11;
 /// The heads of the columns.
 const HEADS: [&str; COLUMNS] = [
     "period us",
@@ -19,6 +19,7 @@ const HEADS: [&str; COLUMNS] = [
     "limit o/oo",
     "bits/10",
     "busy o/oo",
+    "told o/oo",
     "bus o/oo",
     "motor",
     "host",

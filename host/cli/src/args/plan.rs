@@ -57,6 +57,10 @@ pub struct PlanArgs {
     /// An axis that is given impedance setpoints: its state is read beside them; may be given often
     #[arg(long, value_name = "AXIS")]
     pub impedance: Vec<Typed>,
+    /// No axis is given position setpoints, which take nine bytes of a `Cycle` where others but
+    /// impedance take five
+    #[arg(long)]
+    pub no_positions: bool,
     /// What the gateway's software takes: host to bus, between two requests, bus to host, µs
     #[arg(
         long, value_name = "US", default_value_t = 100,

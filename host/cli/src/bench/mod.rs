@@ -154,6 +154,8 @@ impl<'a> Bench<'a> {
             foreign: [0; MAX_BUSES],
             host: arguments.host,
             fields: StateFields::of(&arguments.fields),
+            // What it sends are velocities and signals.
+            has_positions: false,
             kinds,
             running: false,
         };

@@ -7,11 +7,12 @@ mod print;
 
 use std::time::Duration;
 
-use gateway::{Assumptions, BusPlan, Gateway, MAX_AXES, MAX_BUSES, PERIOD_US, Set};
+use gateway::{Assumptions, AxisPlan, BusPlan, Gateway, MAX_AXES, MAX_BUSES, PERIOD_US, Set};
 use host_protocol::{
     BusKind, Error, MAX_CYCLE_AXES, Protocol, StateFields, Subject, cycle_event_bytes,
     cycle_frame_bytes,
 };
+use mgw_client::{make_impedance, make_position, make_velocity};
 
 use crate::args::{HostLine, PlanArgs};
 use crate::config::{self, BoardPorts, Configuration};
@@ -39,6 +40,8 @@ pub struct Premises {
     pub foreign: [u32; MAX_BUSES],
     pub host: HostLine,
     pub fields: StateFields,
+    /// Axes that take positions are given some.
+    pub has_positions: bool,
     pub kinds: [BusKind; MAX_BUSES],
     /// The rate is one of `RunCycle`, not of `Cycle`.
     pub running: bool,
@@ -83,8 +86,19 @@ impl Plan {
         }
         let axes = buses.iter().flat_map(|(_, plan)| &plan.axes);
         let lives = axes.clone().filter_map(|axis| axis.life).map(std_time);
-        let mask = axes.fold(Set::NONE, |mask, axis| mask.with(Set::of(axis.axis))).bits();
-        let bytes = cycle_frame_bytes(mask, premises.assumed.impedance.bits(), premises.fields);
+        let mask = axes.clone().fold(Set::NONE, |mask, axis| mask.with(Set::of(axis.axis))).bits();
+        let takes_position = |planned: &AxisPlan| premises.has_positions && planned.takes_position;
+        let setpoint = |axis| {
+            let made = if premises.assumed.impedance.has(axis) {
+                make_impedance(axis, 0.0, 0.0, 0.0, 0.0, 0.0)
+            } else if axes.clone().any(|planned| planned.axis == axis && takes_position(planned)) {
+                make_position(axis, 0.0, 0.0)
+            } else {
+                make_velocity(axis, 0.0)
+            };
+            made.setpoint
+        };
+        let bytes = cycle_frame_bytes(mask, setpoint, premises.fields);
         let line = (premises.host.time(bytes.0), premises.host.time(bytes.1));
         let event = cycle_event_bytes(mask, premises.fields);
         let event = (event, premises.host.time(event));
@@ -296,6 +310,7 @@ fn premises(
         foreign,
         host: arguments.host,
         fields: StateFields::of(&arguments.fields),
+        has_positions: !arguments.no_positions,
         kinds,
         running: arguments.running,
     })

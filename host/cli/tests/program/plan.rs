@@ -32,9 +32,14 @@ fn eight_axes_on_two_buses_are_as_fast_as_four_on_one() {
         assert_eq!(bus["axes"][3]["stop_together_us"], 1180);
     }
     assert_eq!(planned["plan"]["round_us"], 1079);
-    // Eight axes: 64 bytes out and up to 132 back, ten bits each.
-    let line = &plan(&[EIGHT, "--host", "1000000"]).1["plan"]["host"];
-    assert_eq!((&line["out_us"], &line["back_us"]), (&640.into(), &1320.into()));
+    // Eight axes: 96 bytes of positions out and up to 132 back, ten bits each; of velocities 64.
+    let line = |more: &[&str]| {
+        let words = [&[EIGHT, "--host", "1000000"], more].concat();
+        plan(&words).1["plan"]["host"].clone()
+    };
+    let positions = line(&[]);
+    assert_eq!((&positions["out_us"], &positions["back_us"]), (&960.into(), &1320.into()));
+    assert_eq!(line(&["--no-positions"])["out_us"], 640);
 }
 
 #[test]
@@ -57,7 +62,7 @@ fn whatever_makes_it_harder_makes_it_slower() {
 fn a_rate_that_does_not_hold_is_refused_with_what_would_make_it_hold() {
     let refused = mgw(&["plan", EIGHT, "--rate", "350"]);
     let said = refused.failure(1);
-    assert!(said.contains("350 Hz do not hold: 272.2 Hz can be reached"), "{said}");
+    assert!(said.contains("350 Hz do not hold: 248.7 Hz can be reached"), "{said}");
     assert!(said.contains("a host line of 2000000 baud"), "{said}");
     let (code, held) = plan(&[EIGHT, "--rate", "350", "--host", "2000000"]);
     assert_eq!((code, &held["holds"]), (Some(0), &true.into()));
@@ -169,10 +174,15 @@ fn what_is_told_of_an_axis_is_of_one_that_is_there() {
         let told = outcome.failure(2);
         assert!(told.contains(said), "{told}");
     }
-    // An impedance setpoint has 16 bytes more than a velocity.
+    // The two RMDs take positions, of four bytes more than a velocity; an impedance setpoint has 16
+    // more.
     let out =
         |more: &[&str]| plan(&[&[FOUR], more].concat()).1["plan"]["host"]["out_bytes"].clone();
-    assert_eq!((out(&[]), out(&["--impedance", "0"])), (43.into(), 59.into()));
+    let impedance = ["--impedance", "0"];
+    assert_eq!(
+        (out(&["--no-positions"]), out(&[]), out(&impedance)),
+        (43.into(), 51.into(), 63.into())
+    );
 }
 
 /// A name in the file stands for the number; what is unknown is answered with what there is.
