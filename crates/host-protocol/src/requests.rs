@@ -73,8 +73,8 @@ wire! {
         pub bitrate: u32,
         /// The protocols spoken on it.
         pub protocols: ProtocolSet,
-        /// Whether every node on it belongs to this gateway, so that broadcast stops may be sent
-        /// too.
+        /// Whether every node on it belongs to this gateway: `StartTogether` needs it. Stops are
+        /// never broadcast.
         pub exclusive: bool,
         /// How long a reply is awaited, µs, 100 to 200 000.
         pub reply_window_us: u32,

@@ -55,7 +55,7 @@ pub const DEFAULT_LISTEN: &str = "127.0.0.1:7401";
     version,
     about = "Talks to a motor gateway, real or simulated",
     long_about = "Talks to a motor gateway, real or simulated.\n\n\
-        Without a command it shows a gateway with four simulated motors, from configuration to the \
+        Without a command it shows a gateway with five simulated motors, from configuration to the \
         stop after the host has gone quiet. It needs no hardware.",
     after_help = EXAMPLES
 )]
@@ -94,7 +94,7 @@ file that cannot be read too; 3 a stop was sent and is not confirmed.";
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show a gateway with four simulated motors, and how it stops them when the host goes quiet
+    /// Show a gateway with five simulated motors, and how it stops them when the host goes quiet
     Demo,
 
     /// Serve a simulated gateway with four motors over TCP, and print what its motors do
@@ -117,8 +117,9 @@ pub enum Command {
     #[command(
         after_help = "Examples:\n  mgw serve                             the only gateway on \
             USB or an ST-LINK\n  mgw serve --port /dev/ttyACM0\n  \
-            MGW_TOKEN=secret mgw serve --listen 0.0.0.0:7402      for other computers, whose \
-            programs have that MGW_TOKEN"
+            export MGW_TOKEN=$(openssl rand -hex 16)\n  \
+            mgw serve --listen 0.0.0.0:7402       for other computers, whose programs have that \
+            MGW_TOKEN"
     )]
     Serve(ServeArgs),
 
