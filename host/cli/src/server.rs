@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use mgw_client::Interrupt;
-use mgw_client::{check_name, open_halves, server_socket};
+use mgw_client::{check_shared_name, open_halves, server_socket};
 use mgw_serve::{Listener, Tap};
 use serde_json::json;
 
@@ -54,13 +54,9 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
     check_token("--listen", *listen, token.as_deref())?;
     // What cannot be is told before anything is served.
     if let Some(port) = port {
-        check_name(port)?;
+        check_shared_name(port)?;
     }
-    let tap = match record {
-        Some(path) => Some(tap(Recording::start(written.place(path.clone()), out.motors)?, out)),
-        None => None,
-    };
-    let failed = |source| Failure::Server { address: listen.to_string(), source };
+    let failed = |source| Failure::no_port(listen.to_string(), source);
     let listener = TcpListener::bind(listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
     let reach = Reach::new(address, token.clone());
@@ -71,6 +67,10 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
         listeners.push(unix(&path)?);
         tell_listening(out, &format!("unix:{}", path.display()))?;
     }
+    let tap = match record {
+        Some(path) => Some(tap(Recording::start(written.place(path.clone()), out.motors)?, out)),
+        None => None,
+    };
     if let Some(view) = View::open(view, page_token.as_deref(), out)? {
         view.start(reach);
     }
@@ -81,17 +81,9 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
         let port = find::cable_port(named.as_deref()).map_err(|failure| with_page(&failure))?;
         open_halves(&port).map_err(|error| with_page(&find::explain(error)))
     };
-    let mut print_failure = None;
-    mgw_serve::serve(
-        listeners,
-        open,
-        |line| {
-            // A log that nobody reads is no reason to stop serving.
-            print_failure = out.event("log", line, json!({ "message": line })).err();
-        },
-        tap,
-    );
-    print_failure.map_or(Ok(()), Err)
+    let log = move |line: &str| out.progress("log", line, json!({ "message": line }));
+    mgw_serve::serve(listeners, open, log, tap);
+    Ok(())
 }
 
 /// Says by which port it is reached.
@@ -137,7 +129,11 @@ fn tell(out: Output, line: &str) -> Result<(), Failure> {
 fn unix(path: &std::path::Path) -> Result<Listener, Failure> {
     use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
     use std::os::unix::net::UnixListener;
-    let failed = |source| Failure::Server { address: path.display().to_string(), source };
+    let failed = |source| Failure::Server {
+        address: path.display().to_string(),
+        source,
+        another: "another --socket",
+    };
     let told = match mgw_client::open(&format!("unix:{}", path.display())) {
         Ok(_) => Some("answers"),
         Err(error) if find::hangs(&error) => Some("hangs"),

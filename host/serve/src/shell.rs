@@ -9,7 +9,9 @@ use std::net::{Shutdown, TcpListener};
 #[cfg(unix)]
 use std::os::unix::net::UnixListener;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel};
+use std::sync::mpsc::{
+    Receiver, RecvTimeoutError, Sender, SyncSender, TrySendError, channel, sync_channel,
+};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -37,6 +39,8 @@ pub(crate) const WAITING: usize = 64;
 /// Those of them that have not shown their token: they take the place of nobody who has. As many
 /// have time to show it.
 pub(crate) const UNPROVED: usize = 16;
+/// Lines of the log that wait for who reads it; more are counted.
+const LINES: usize = 64;
 /// A connection that is over and does not read is closed after this time.
 const CLOSED_WITHIN: Duration = Duration::from_secs(1);
 
@@ -130,12 +134,37 @@ fn end(stream: &Socket) {
 /// Is given every frame of the cable at once; it must not wait for anything.
 pub type Tap = Box<dyn FnMut(Seen)>;
 
-struct Shell<O, L> {
+/// The log, which a thread of its own writes: whoever reads it holds up nothing.
+struct Log {
+    lines: SyncSender<String>,
+    lost: usize,
+}
+
+impl Log {
+    fn new(mut write: impl FnMut(&str) + Send + 'static) -> Self {
+        let (lines, to_write) = sync_channel::<String>(LINES);
+        thread::spawn(move || to_write.iter().for_each(|line| write(&line)));
+        Self { lines, lost: 0 }
+    }
+
+    fn tell(&mut self, line: &str) {
+        let lost = match self.lost {
+            0 => String::new(),
+            lost => format!(" ({lost} lines before this one are lost: nobody read them)"),
+        };
+        match self.lines.try_send(format!("{line}{lost}")) {
+            Err(TrySendError::Full(_)) => self.lost += 1,
+            Ok(()) | Err(TrySendError::Disconnected(_)) => self.lost = 0,
+        }
+    }
+}
+
+struct Shell<O> {
     multiplexer: Multiplexer,
     connections: BTreeMap<ProgramId, Connection>,
     sender: Sender<Event>,
     open: O,
-    log: L,
+    log: Log,
     start: Instant,
     cable: Option<Box<dyn Write + Send>>,
     /// Who reads it ends with this: what reads keeps the device open, or a place at the gateway.
@@ -150,11 +179,11 @@ struct Shell<O, L> {
 }
 
 /// Serves until the process ends. `open` opens the cable, again and again whenever there is none;
-/// what happens goes to `log`, and a copy of what crosses the cable to `tap`.
+/// what happens goes to `log`, which may wait, and a copy of what crosses the cable to `tap`.
 pub fn serve<O, L>(listeners: Vec<Listener>, open: O, log: L, tap: Option<Tap>)
 where
     O: Fn() -> Result<Halves, String> + Clone + Send + 'static,
-    L: FnMut(&str),
+    L: FnMut(&str) + Send + 'static,
 {
     let (sender, events) = channel();
     for listener in listeners {
@@ -170,7 +199,7 @@ where
         connections: BTreeMap::new(),
         sender,
         open,
-        log,
+        log: Log::new(log),
         start: Instant::now(),
         cable: None,
         reads: Arc::default(),
@@ -183,10 +212,9 @@ where
     shell.run(&events);
 }
 
-impl<O, L> Shell<O, L>
+impl<O> Shell<O>
 where
     O: Fn() -> Result<Halves, String> + Clone + Send + 'static,
-    L: FnMut(&str),
 {
     fn run(&mut self, events: &Receiver<Event>) {
         let mut has_written = false;
@@ -230,7 +258,7 @@ where
             Event::Opened(Err(error)) => {
                 self.opening = false;
                 if self.told.as_ref() != Some(&error) {
-                    (self.log)(&format!("no gateway: {error}"));
+                    self.log.tell(&format!("no gateway: {error}"));
                     self.told = Some(error);
                 }
             }
@@ -288,7 +316,7 @@ where
         let others = asked().filter(|(id, _)| **id != newest && Some(**id) != commands);
         let quietest = others.min_by_key(|(_, one)| one.heard_at).map(|(id, _)| *id);
         if let Some(id) = quietest {
-            (self.log)(&format!("program {id} has lost its place to another one"));
+            self.log.tell(&format!("program {id} has lost its place to another one"));
             self.disconnect(id);
         }
     }
@@ -309,7 +337,7 @@ where
     fn disconnect(&mut self, id: ProgramId) {
         if let Some(connection) = self.connections.remove(&id) {
             if self.multiplexer.in_command() == Some(id) {
-                (self.log)("the program in command has gone: whatever it had armed stops");
+                self.log.tell("the program in command has gone: whatever it had armed stops");
             }
             end(&connection.stream);
             self.multiplexer.program_closed(id);
@@ -392,7 +420,7 @@ where
                 News::Lost(why) => format!("gateway lost: {why}; its armed axes stop"),
                 News::Refused(error) => format!("the gateway refuses: {error}"),
             };
-            (self.log)(&line);
+            self.log.tell(&line);
         }
     }
 }

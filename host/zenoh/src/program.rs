@@ -1,5 +1,6 @@
 //! `mgw-zenoh`: its parts, put together.
 
+use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::mpsc::sync_channel;
@@ -26,10 +27,19 @@ pub fn main() -> ExitCode {
     match run(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
-            eprintln!("mgw-zenoh: {why}");
+            log(&why);
             ExitCode::FAILURE
         }
     }
+}
+
+/// Nobody may read it: that is no reason to end.
+fn tell(mut to: impl Write, line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(to, "{line}");
+}
+
+fn log(line: &str) {
+    tell(std::io::stderr(), format_args!("mgw-zenoh: {line}"));
 }
 
 /// Serves until the process is ended. What is armed then stops, as that of every host that ends.
@@ -40,7 +50,6 @@ fn run(args: Args) -> Result<(), String> {
                     --listen tcp/127.0.0.1:7447"
             .to_owned());
     }
-    let log = |line: &str| eprintln!("mgw-zenoh: {line}");
     let reach = Reach::new(serve.as_deref(), port.as_deref(), log)?;
     let endpoints = Endpoints { connect, listen, scout, route, config };
     let session = network::open(&endpoints)?;
@@ -66,8 +75,8 @@ fn run(args: Args) -> Result<(), String> {
     let sight =
         Sight { reach, session, keys, period: Duration::from_millis(period), time, queries };
     sight.watch(|found| match found {
-        Ok(board) => println!("{name} is in the network: {board}"),
-        Err(why) => eprintln!("mgw-zenoh: the gateway is away: {why}"),
+        Ok(board) => tell(std::io::stdout(), format_args!("{name} is in the network: {board}")),
+        Err(why) => log(&format!("the gateway is away: {why}")),
     });
     Ok(())
 }
@@ -81,10 +90,8 @@ fn attend(session: &Session, keys: &Keys, court: &Court) -> Result<(), String> {
         let id = last(sample.key_expr().as_str());
         let is_there = sample.kind() == SampleKind::Put;
         if id != own {
-            eprintln!(
-                "mgw-zenoh: another gateway of this name {}: {id}",
-                if is_there { "is there, nothing moves" } else { "has gone" }
-            );
+            let what = if is_there { "is there, nothing moves" } else { "has gone" };
+            log(&format!("another gateway of this name {what}: {id}"));
             watching.authority().twin(&id, is_there);
         }
     });

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{PipeReader, PipeWriter, Write, pipe};
 use std::os::unix::process::ExitStatusExt;
 use std::process::Stdio;
+use std::time::{Duration, Instant};
 
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::sys::signal::Signal;
@@ -12,14 +13,16 @@ use crate::support::{Process, Sim, file, json, mgw, mgw_cut_short};
 
 /// What a pipe holds at least.
 const PIPE: i32 = 4_096;
+/// No wait is longer.
+const LIMIT: Duration = Duration::from_secs(60);
 /// Enough for the line of the arming, not for the table of states.
 const ROOM: usize = 200;
 
 /// A pipe that is nearly full.
-fn full_pipe() -> (PipeReader, PipeWriter) {
+fn full_pipe(room: usize) -> (PipeReader, PipeWriter) {
     let (reader, mut writer) = pipe().expect("a pipe");
     let size = fcntl(&writer, FcntlArg::F_SETPIPE_SZ(PIPE)).expect("a small pipe");
-    let filler = vec![b'\n'; usize::try_from(size).unwrap() - ROOM];
+    let filler = vec![b'\n'; usize::try_from(size).unwrap() - room];
     writer.write_all(&filler).expect("there is room");
     (reader, writer)
 }
@@ -36,7 +39,7 @@ fn turning(sim: &Sim, output: PipeWriter) -> Process {
 fn ctrl_c_stops_although_nobody_reads() {
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
         let sim = Sim::patient();
-        let (_reader, writer) = full_pipe();
+        let (_reader, writer) = full_pipe(ROOM);
         let mut host = turning(&sim, writer);
         assert_eq!(host.signal(signal), Some(0), "{signal}");
         let state = sim.await_state("0", |_| true);
@@ -47,10 +50,31 @@ fn ctrl_c_stops_although_nobody_reads() {
 #[test]
 fn a_second_signal_ends_it_whatever_it_waits_for() {
     let mut sim = Sim::patient();
-    let (_reader, writer) = full_pipe();
+    let (_reader, writer) = full_pipe(ROOM);
     let mut host = turning(&sim, writer);
     sim.typed("motor 0 mute");
     assert_eq!(host.insist(Signal::SIGINT).signal(), Some(Signal::SIGINT as i32));
+}
+
+/// A server's log waits for its reader; what programs ask it does not.
+#[test]
+fn a_server_whose_log_nobody_reads_serves() {
+    let sim = Sim::patient();
+    let socket = file("unread.sock");
+    let (_reader, writer) = full_pipe(ROOM + socket.len());
+    let words = ["--port", &sim.port, "serve", "--listen", "127.0.0.1:0", "--socket", &socket];
+    let _server = Process::printing_to(writer, &words);
+    let port = format!("unix:{socket}");
+    let served = |words: &[&str]| mgw(&[&["--port", &port], words].concat());
+    let end = Instant::now() + LIMIT;
+    while served(&["info"]).code != Some(0) {
+        assert!(Instant::now() < end, "nobody is served");
+    }
+    // Each leaves a line: it was in command, and has gone.
+    for _ in 0..3 {
+        served(&["set", "0", "velocity", "2", "--for", "0.1"]).success();
+    }
+    served(&["stop"]).success();
 }
 
 /// Of a stop that is not confirmed.
