@@ -11,15 +11,17 @@ mod jitter;
 mod sine;
 
 use std::cell::RefCell;
+use std::io;
 use std::pin::pin;
 use std::rc::Rc;
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Sender, channel};
 use std::task::{Context, Waker};
 use std::time::Duration;
 
-use host_protocol::{AxisState, Event, Setpoint, StopTarget};
+use host_protocol::requests::Stop;
+use host_protocol::{AxisState, Call, Deframer, Event, Kind, Setpoint, StopTarget};
 use mgw_cli::run_on;
-use mgw_client::{AsyncClient, Client, ClientError, Interrupt};
+use mgw_client::{AsyncClient, Client, ClientError, Interrupt, Transport};
 use mgw_sim::{SimTransport, Wiring, World};
 
 const CONFIGURATION: &str =
@@ -115,6 +117,50 @@ fn an_interrupt_ends_what_an_async_client_does() {
         let refused = gateway.arm(RMD).await;
         assert!(matches!(refused, Err(ClientError::Interrupted { armed: true })), "{refused:?}");
     });
+}
+
+/// Tells of each frame that is sent.
+struct Told(SimTransport, Sender<Vec<u8>>);
+
+impl Transport for Told {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let _ = self.1.send(bytes.to_vec());
+        self.0.send(bytes)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        self.0.receive(buffer, timeout)
+    }
+
+    fn now(&self) -> Duration {
+        self.0.now()
+    }
+
+    fn sleep(&mut self, duration: Duration) {
+        self.0.sleep(duration);
+    }
+
+    fn reconnect(&mut self) -> io::Result<()> {
+        self.0.reconnect()
+    }
+}
+
+/// Nor does it wait for a call.
+#[test]
+fn an_interrupt_of_an_async_client_is_followed_while_nothing_is_asked() {
+    let (told, frames) = channel();
+    let make = move || Ok(Box::new(Told(SimTransport::new(world(), 0), told)) as _);
+    let gateway = pollster::block_on(AsyncClient::connect(make)).unwrap();
+    pollster::block_on(gateway.arm(RMD)).unwrap();
+    while frames.try_recv().is_ok() {}
+    gateway.interrupt().raise();
+    let frame = frames.recv_timeout(Duration::from_secs(60)).expect("a frame");
+    let mut deframer = Deframer::new();
+    let mut heard = frame.iter().filter_map(|byte| {
+        let frame = deframer.push(*byte)?.expect("a whole one");
+        Some((frame.kind, frame.number))
+    });
+    assert_eq!(heard.next(), Some((Kind::Request, Stop::NUMBER)));
 }
 
 /// What an interrupt has stopped stays stopped; what is armed after it was followed may move.

@@ -1,13 +1,14 @@
 //! [`AsyncClient`]: the client for programs that await, on any executor.
 
 use std::io;
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use futures_channel::oneshot;
 use host_protocol::replies::{Armed, AxisReport, HelloReply};
-use host_protocol::{CycleState, EventMessage, Setpoint, StateFields, StopTarget};
+use host_protocol::requests::Ping;
+use host_protocol::{Call, CycleState, EventMessage, Setpoint, StateFields, StopTarget};
 
 use crate::client::Client;
 use crate::cycle::AxisSetpoint;
@@ -18,6 +19,8 @@ use crate::transport::Transport;
 
 /// How long a wait for an event keeps requests waiting.
 const EVENT_TURN: Duration = Duration::from_millis(1);
+/// Between two looks at the interrupt while nobody asks for anything.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// The client behind it.
 pub type Inner = Client<Box<dyn Transport>>;
@@ -195,8 +198,16 @@ fn serve(
         Ok(client) => client,
         Err(error) => return drop(connected.send(Err(error))),
     };
-    if connected.send(Ok(client.hello().clone())).is_ok() {
-        to_do.iter().for_each(|task| task(&mut client));
+    if connected.send(Ok(client.hello().clone())).is_err() {
+        return;
+    }
+    loop {
+        match to_do.recv_timeout(LOOK_EVERY) {
+            Ok(task) => task(&mut client),
+            // Nobody waits for what comes of it: the next call tells.
+            Err(RecvTimeoutError::Timeout) => drop(client.heed_interrupt(Ping::NUMBER)),
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
     }
 }
 

@@ -72,7 +72,7 @@ pub struct Client<T: Transport> {
     written: u64,
     last_sent: Duration,
     /// What was subscribed to last in this session.
-    subscription: Option<Subscribe>,
+    pub(crate) subscription: Option<Subscribe>,
     interrupt: Interrupt,
     /// The interrupt has been followed: nothing that moves is sent any more.
     interrupted: bool,
@@ -155,6 +155,7 @@ impl<T: Transport> Client<T> {
     /// As [`connect`](Self::connect). It may be tried again.
     pub fn reconnect(&mut self) -> Result<(), ClientError> {
         self.transport.reconnect()?;
+        self.subscription = None;
         self.inbox.restart();
         self.baud.restart();
         self.clock.reset();
@@ -169,7 +170,6 @@ impl<T: Transport> Client<T> {
     }
 
     fn say_hello_as(&mut self, session: u32) -> Result<(), ClientError> {
-        self.subscription = None;
         let request =
             Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session };
         self.hello = refuse_other_major(self.request_within(&request, HELLO_DEADLINE))?;
@@ -245,8 +245,10 @@ impl<T: Transport> Client<T> {
         let Self { transport, inbox, baud, sequence, .. } = self;
         if until_answered(transport, inbox, baud, sequence, requests)? {
             // To the gateway this may be another link: what it says by itself comes after a hello.
+            // The stop was taken, whatever becomes of that.
             self.clock.reset();
-            self.say_hello()?;
+            self.clock.expect_another();
+            let _ = self.greet_anew();
         }
         Ok(())
     }
@@ -296,14 +298,21 @@ impl<T: Transport> Client<T> {
     }
 
     /// Begins a session, and what was subscribed to in it, with a gateway that a ping has shown to
-    /// have restarted behind an open connection: without one it tells no events.
+    /// have restarted behind an open connection, or whose connection was opened again: without one
+    /// it tells no events. Where that fails the next call tries again.
     fn greet_anew(&mut self) -> Result<(), ClientError> {
         if !self.clock.has_restarted() {
             return Ok(());
         }
-        let subscription = self.subscription;
         self.say_hello()?;
-        subscription.map_or(Ok(()), |subscription| self.subscribe_as(subscription))
+        let Some(subscription) = self.subscription else { return Ok(()) };
+        let made = self.subscribe_as(subscription);
+        match made {
+            Ok(()) => {}
+            Err(ClientError::Gateway(_)) => self.subscription = None,
+            Err(_) => self.clock.expect_another(),
+        }
+        made
     }
 
     /// Pings if the last measure of the gateway's clock is older than [`CLOCK_VALID_FOR`]: again
@@ -347,7 +356,9 @@ impl<T: Transport> Client<T> {
         let now = self.transport.now();
         let quiet = now.saturating_sub(self.last_sent);
         match self.subscription {
-            Some(subscription) if quiet >= SUBSCRIPTION_MAY_HAVE_ENDED_AFTER => {
+            Some(subscription)
+                if quiet >= SUBSCRIPTION_MAY_HAVE_ENDED_AFTER && !self.clock.has_restarted() =>
+            {
                 self.request(&subscription).map(drop)
             }
             _ => {

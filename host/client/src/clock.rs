@@ -25,7 +25,7 @@ struct Sample {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Clock {
     samples: VecDeque<Sample>,
-    /// The gateway has restarted since it was last greeted.
+    /// The gateway has restarted since it was last greeted, or may be another one.
     has_restarted: bool,
 }
 
@@ -49,10 +49,15 @@ impl Clock {
         self.samples.push_back(sample);
     }
 
-    /// Whether the gateway has restarted since it was last greeted: its clock stands before what it
-    /// was.
+    /// Whether the gateway has restarted since it was last greeted, its clock standing before what
+    /// it was, or may be another one.
     pub(crate) fn has_restarted(&self) -> bool {
         self.has_restarted
+    }
+
+    /// The next one that is heard may be another one, and is to be greeted.
+    pub(crate) fn expect_another(&mut self) {
+        self.has_restarted = true;
     }
 
     /// The gateway has been greeted.

@@ -72,7 +72,7 @@ pub use hold::{Hold, NativeHold, Round};
 pub use inbox::Losses;
 pub use interrupt::Interrupt;
 pub use names::names_before_hello;
-pub use port::{ConnectError, Halves, check_name, open, open_halves};
+pub use port::{ConnectError, Halves, check_shared_name, open, open_halves};
 pub use serial::SerialTransport;
 pub use server::{server_port, server_socket};
 pub use stopping::{REPEAT_STOP_AFTER, STOP_PATIENCE, StopRequest, stop_before_hello};

@@ -43,12 +43,17 @@ pub fn open(port: &str) -> Result<Box<dyn Transport + Send>, ConnectError> {
     })
 }
 
-/// Whether a name makes sense as that of a port.
+/// Whether a port can be opened as halves, by its name.
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn check_name(port: &str) -> Result<(), ConnectError> {
-    Port::read(port).map(drop)
+pub fn check_shared_name(port: &str) -> Result<(), ConnectError> {
+    match Port::read(port)? {
+        Port::Serial(device, baud) if baud != DEFAULT_BAUD => {
+            Err(ConnectError::RateOfOne { device: device.to_owned() })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A port as two halves, for who reads and writes at the same time. A read waits, or fails now and
@@ -65,6 +70,7 @@ pub struct Halves {
 /// # Errors
 /// As [`open`].
 pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
+    check_shared_name(port)?;
     let (reader, writer): (Box<dyn io::Read + Send>, Box<dyn io::Write + Send>) =
         match Port::read(port)? {
             Port::Tcp(address) => {
@@ -79,12 +85,6 @@ pub fn open_halves(port: &str) -> Result<Halves, ConnectError> {
                 let both = opened.and_then(|stream| Ok((stream.try_clone()?, stream)));
                 let (reader, writer) = both.map_err(|source| no_server(path, source))?;
                 (Box::new(reader), Box::new(writer))
-            }
-            // Only a client asks the gateway for another rate.
-            Port::Serial(device, baud) if baud != DEFAULT_BAUD => {
-                let alone = "only one program alone can ask for another rate";
-                let source = io::Error::new(io::ErrorKind::Unsupported, alone);
-                return Err(no_serial(device, baud, source));
             }
             Port::Serial(device, baud) => {
                 let opened = crate::serial::open(device).and_then(|mut port| {
@@ -201,6 +201,12 @@ pub enum ConnectError {
         /// What the system says.
         source: io::Error,
     },
+    /// Another rate than the default for a serial device that many programs share: only a client
+    /// that has it alone asks the gateway for one.
+    RateOfOne {
+        /// Its name.
+        device: String,
+    },
     /// The serial device could not be opened.
     Serial {
         /// Its name.
@@ -263,6 +269,13 @@ impl fmt::Display for ConnectError {
                     _ => "Start one with `mgw serve`",
                 };
                 write!(f, "no server at {path} ({source}). {start}")
+            }
+            Self::RateOfOne { device } => {
+                write!(
+                    f,
+                    "programs that share a line run it at the default rate: only one that has it \
+                        alone can ask for another. Name it {device}"
+                )
             }
             Self::Serial { device, baud, source } => {
                 write!(f, "cannot open {device} at {baud} bit/s ({source}). ")?;

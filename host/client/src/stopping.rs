@@ -3,8 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use host_protocol::{Call, Error};
-use host_protocol::{Kind, MAX_FRAME, StopTarget, requests as ask};
+use host_protocol::{Error, MAX_FRAME, Request, StopTarget, requests as ask};
 
 use crate::baud::Baud;
 use crate::error::ClientError;
@@ -31,49 +30,31 @@ pub enum StopRequest {
     EStop,
 }
 
+impl From<StopRequest> for Request {
+    fn from(request: StopRequest) -> Self {
+        match request {
+            StopRequest::Stop(target) => Self::Stop(ask::Stop { target }),
+            StopRequest::EStop => Self::EStop(ask::EStop {}),
+        }
+    }
+}
+
 /// One stop, and the sequence numbers under which it has been written.
 struct Pending {
-    request: StopRequest,
+    request: Request,
     sequences: Vec<u16>,
 }
 
 impl Pending {
-    fn number(&self) -> u16 {
-        match self.request {
-            StopRequest::Stop(_) => ask::Stop::NUMBER,
-            StopRequest::EStop => ask::EStop::NUMBER,
-        }
-    }
-
-    fn read(&self, answer: &Answer) -> Result<(), ClientError> {
-        match self.request {
-            StopRequest::Stop(_) => answer.read::<ask::Stop>().map(drop),
-            StopRequest::EStop => answer.read::<ask::EStop>().map(drop),
-        }
+    /// Both are answered alike.
+    fn read(answer: &Answer) -> Result<(), ClientError> {
+        answer.read::<ask::Stop>().map(drop)
     }
 
     /// Each time it has a new sequence, so that no memory of an earlier one answers in its place.
     fn write(&mut self, transport: &mut impl Transport, sequence: &mut u16) -> io::Result<()> {
         let mut frame = [0; MAX_FRAME];
-        let length = match self.request {
-            StopRequest::Stop(target) => {
-                let stop = ask::Stop { target };
-                host_protocol::encode(
-                    Kind::Request,
-                    *sequence,
-                    ask::Stop::NUMBER,
-                    &stop,
-                    &mut frame,
-                )
-            }
-            StopRequest::EStop => host_protocol::encode(
-                Kind::Request,
-                *sequence,
-                ask::EStop::NUMBER,
-                &ask::EStop {},
-                &mut frame,
-            ),
-        };
+        let length = self.request.encode_frame(*sequence, &mut frame);
         self.sequences.push(*sequence);
         *sequence = sequence.wrapping_add(1);
         transport.send(frame.get(..length.unwrap_or(0)).unwrap_or_default())
@@ -104,25 +85,21 @@ impl Stops {
         while transport.now() < next && !self.pending.is_empty() {
             let count = transport.receive(&mut buffer, next.saturating_sub(transport.now()))?;
             for arrived in inbox.take_in(buffer.get(..count).unwrap_or(&buffer)) {
-                let number = |pending: &Pending| pending.number();
-                let answered = self.pending.iter().position(|pending| {
-                    pending
-                        .sequences
-                        .iter()
-                        .any(|sequence| arrived.answers(*sequence, number(pending)))
+                let answered = self.pending.iter().position(|Pending { request, sequences }| {
+                    sequences.iter().any(|sequence| arrived.answers(*sequence, request.number()))
                 });
                 let Some(at) = answered else {
                     inbox.count_late();
                     continue;
                 };
-                match self.pending.get(at).map(|pending| pending.read(&arrived.answer)) {
-                    Some(Ok(())) => drop(self.pending.remove(at)),
-                    Some(Err(ClientError::Gateway(error))) => {
+                match Pending::read(&arrived.answer) {
+                    Ok(()) => drop(self.pending.remove(at)),
+                    Err(ClientError::Gateway(error)) => {
                         self.pending.remove(at);
                         self.refusal.get_or_insert(error);
                     }
                     // Whether it was taken is not known: it is written again.
-                    Some(Err(_)) | None => inbox.count_unreadable(),
+                    Err(_) => inbox.count_unreadable(),
                 }
             }
         }
@@ -139,8 +116,9 @@ pub(crate) fn until_answered<T: Transport>(
     sequence: &mut u16,
     requests: &[StopRequest],
 ) -> Result<bool, ClientError> {
-    let pending =
-        requests.iter().map(|request| Pending { request: *request, sequences: Vec::new() });
+    let pending = requests
+        .iter()
+        .map(|request| Pending { request: (*request).into(), sequences: Vec::new() });
     let mut stops = Stops { pending: pending.collect(), refusal: None, written: false };
     let (mut reopened, mut last_error) = (false, None::<io::Error>);
     let end = transport.now().saturating_add(STOP_PATIENCE);
@@ -159,11 +137,10 @@ pub(crate) fn until_answered<T: Transport>(
                 _ => ClientError::StopUnanswered { after: STOP_PATIENCE },
             });
         }
-        if turns == TURNS_AT_ANOTHER_RATE {
-            baud.give_up(transport)?;
-        }
+        let is_heard = turns != TURNS_AT_ANOTHER_RATE;
         turns += 1;
-        if let Err(error) = stops.turn(transport, inbox, sequence) {
+        let given_up = if is_heard { Ok(()) } else { baud.give_up(transport) };
+        if let Err(error) = given_up.and_then(|()| stops.turn(transport, inbox, sequence)) {
             last_error = Some(error);
             let before = transport.now();
             baud.restart();

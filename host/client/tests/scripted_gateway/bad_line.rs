@@ -132,6 +132,33 @@ fn a_gateway_that_restarts_behind_an_open_line_is_subscribed_to_again() {
     assert_eq!(rounds(&mut client), (0, 0));
 }
 
+/// The stop is done, whatever becomes of the session on the new connection; a subscription is made
+/// again when the gateway is heard.
+#[test]
+fn a_stop_on_a_new_connection_needs_no_hello() {
+    let is_deaf = Rc::new(Cell::new(false));
+    let deaf = is_deaf.clone();
+    let (line, mut client, notes) = with(move |heard| {
+        let is_heard = !is_deaf.get() || matches!(heard.request, Request::Stop(_));
+        (!is_heard).then(Vec::new)
+    });
+    let fields = StateFields::of(&[StateField::Position]);
+    client.subscribe(&[0], fields, Duration::from_millis(100)).unwrap();
+    client.arm(3).unwrap();
+    line.0.borrow_mut().closed = true;
+    deaf.set(true);
+    client.stop_armed().unwrap();
+    assert!(client.keep_subscription().is_err());
+    deaf.set(false);
+    notes.borrow_mut().clear();
+    client.keep_subscription().unwrap();
+    client.keep_subscription().unwrap();
+    assert_eq!((times(&notes, "Hello").len(), times(&notes, "Subscribe").len()), (1, 1));
+    // It was stopped, so there is nothing to stop any more.
+    client.stop_armed().unwrap();
+    assert_eq!(times(&notes, "Stop").len(), 0);
+}
+
 /// Whatever asks for its time first: without a session it would tell no events.
 #[test]
 fn a_gateway_that_restarts_behind_an_open_line_is_greeted_again() {
