@@ -221,7 +221,9 @@ impl Page {
             }
             ClientError::BaudFailed { .. } => Self::BaudRate,
             ClientError::LinksTaken => Self::PortInUse,
-            ClientError::Connect(ConnectError::BadBaud { .. }) => Self::BaudRate,
+            ClientError::Connect(ConnectError::BadBaud { .. } | ConnectError::RateOfOne { .. }) => {
+                Self::BaudRate
+            }
             ClientError::Connect(_) => Self::NoPort,
             ClientError::Interrupted { .. }
             | ClientError::NamedTwice { .. }

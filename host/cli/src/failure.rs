@@ -66,7 +66,7 @@ pub enum Failure {
     /// The gateway took the stop, and could not be asked what came of it.
     StopTaken { cause: String },
     /// The server of the simulation could not start or go on.
-    Server { address: String, source: io::Error },
+    Server { address: String, source: io::Error, another: &'static str },
     /// The terminal cannot be used.
     Terminal(io::Error),
     /// A file could not be written.
@@ -80,6 +80,11 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// Nothing can listen on a TCP port.
+    pub fn no_port(address: String, source: io::Error) -> Self {
+        Self::Server { address, source, another: "another port, or 0 for a free one" }
+    }
+
     /// A name that programs can rely on: the gateway's own for its errors.
     pub fn name(&self) -> &'static str {
         match self {
@@ -282,6 +287,7 @@ fn is_no_port(error: &ConnectError) -> bool {
             | ConnectError::NoPath
             | ConnectError::BadAddress { .. }
             | ConnectError::BadBaud { .. }
+            | ConnectError::RateOfOne { .. }
     )
 }
 
@@ -398,11 +404,8 @@ impl fmt::Display for Failure {
                 "the gateway took the stop; whether the motors are at rest is not known ({cause}). \
                     Look at `mgw state`, and cut their power if they turn"
             ),
-            Self::Server { address, source } => {
-                write!(
-                    f,
-                    "cannot serve on {address} ({source}). Choose another port, or 0 for a free one"
-                )
+            Self::Server { address, source, another } => {
+                write!(f, "cannot serve on {address} ({source}). Choose {another}")
             }
             Self::Output(error) => write!(f, "standard output: {error}"),
             Self::CutShort => f.write_str(

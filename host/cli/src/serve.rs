@@ -27,7 +27,7 @@ pub fn run(arguments: &SimArgs, out: Output) -> Result<(), Failure> {
     let (d5_id, storage) = (*d5_id, arguments.storage.as_deref());
     // What comes from its box is not configured.
     let unconfigured = arguments.unconfigured || !motors.is_empty();
-    let failed = |source| Failure::Server { address: listen.to_string(), source };
+    let failed = |source| Failure::no_port(listen.to_string(), source);
     let listener = TcpListener::bind(*listen).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
 

@@ -205,10 +205,14 @@ impl Session {
         Ok(())
     }
 
+    /// When a stop that was just taken has had its time to be confirmed.
+    pub fn stops_until(&self) -> Duration {
+        self.client.now() + STOP_PATIENCE
+    }
+
     /// Waits until the stop of an axis is confirmed, or a trip's is, keeping the link alive
-    /// meanwhile.
-    pub fn await_stop(&mut self, axis: u8) -> Result<AxisReport, Failure> {
-        let end = self.client.now() + STOP_PATIENCE;
+    /// meanwhile; after `end` it is looked at once.
+    pub fn await_stop(&mut self, axis: u8, end: Duration) -> Result<AxisReport, Failure> {
         loop {
             match self.client.read_state(axis) {
                 Ok(report) if !is_stopping(report.state) => return Ok(report),
@@ -216,7 +220,11 @@ impl Session {
                 Ok(_)
                 | Err(ClientError::Gateway(Error::Busy { .. }) | ClientError::NoAnswer { .. }) => {}
                 // The stop was taken, and nothing will be heard of it, or nobody waits for it any more.
-                Err(ClientError::Transport(_) | ClientError::Interrupted { .. }) => {
+                Err(
+                    ClientError::Transport(_)
+                    | ClientError::Interrupted { .. }
+                    | ClientError::Gateway(Error::GatewayAway {} | Error::NoSession {}),
+                ) => {
                     return Err(Failure::StopNotConfirmed { axis });
                 }
                 Err(error) => return Err(error.into()),

@@ -1,12 +1,13 @@
 //! What only a terminal gets: a colour, and a line that tells what is waited for.
 
 use std::io::{self, IsTerminal};
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::failure::Failure;
+use crate::interrupt;
 use crate::printable::printable;
 use crate::session::Session;
 use crate::stream;
@@ -107,13 +108,7 @@ pub fn agree(session: &mut Session, yes: bool, what: &str) -> Result<(), Failure
     }
     something_is_printed();
     let _ = stream::ERR.print(format!("{}. Go on? [y/N] ", printable(what)));
-    let (told, heard) = channel();
-    // Nobody else reads there until it has ended; an interrupt ends the program.
-    thread::spawn(move || {
-        let mut answer = String::new();
-        let _ = io::stdin().read_line(&mut answer);
-        let _ = told.send(answer);
-    });
+    let heard = typed_line();
     loop {
         match heard.recv_timeout(LISTEN_EVERY) {
             Ok(answer) if matches!(answer.trim(), "y" | "Y" | "yes") => return Ok(()),
@@ -121,6 +116,31 @@ pub fn agree(session: &mut Session, yes: bool, what: &str) -> Result<(), Failure
             Err(RecvTimeoutError::Timeout) => session.client.pause(Duration::ZERO)?,
         }
     }
+}
+
+/// The next line that is typed. Nobody else reads there until it has come: a thread waits for it,
+/// as a signal does not end that.
+fn typed_line() -> Receiver<String> {
+    let (told, heard) = channel();
+    thread::spawn(move || {
+        let mut answer = String::new();
+        let _ = io::stdin().read_line(&mut answer);
+        let _ = told.send(answer);
+    });
+    heard
+}
+
+/// The line that is typed, before there is a session; nothing where Ctrl-C comes first.
+pub fn answer() -> String {
+    let heard = typed_line();
+    while !interrupt::is_raised() {
+        match heard.recv_timeout(LISTEN_EVERY) {
+            Ok(answer) => return answer,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    String::new()
 }
 
 /// Whether colours are wanted.

@@ -1,6 +1,6 @@
 //! A NOR flash whose power can fail at every operation.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::future::Future;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -48,7 +48,8 @@ impl<const PAGE: usize, const WORD: usize> Flash<PAGE, WORD> {
     /// A flash that is kept in a file.
     ///
     /// # Errors
-    /// The file cannot be read or written, or has another length.
+    /// The file cannot be read or written, has another length, or another program keeps a flash in
+    /// it.
     pub fn in_file(path: &Path, pages: usize) -> io::Result<Self> {
         let mut flash = Self::new(pages);
         match std::fs::read(path) {
@@ -63,7 +64,14 @@ impl<const PAGE: usize, const WORD: usize> Flash<PAGE, WORD> {
             }
             Err(error) => return Err(error),
         }
-        flash.file = Some(OpenOptions::new().write(true).open(path)?);
+        let file = OpenOptions::new().write(true).open(path)?;
+        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(io::Error::new(
+                io::ErrorKind::ResourceBusy,
+                "another program keeps its storage there",
+            ));
+        }
+        flash.file = Some(file);
         Ok(flash)
     }
 

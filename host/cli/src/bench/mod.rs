@@ -203,8 +203,9 @@ impl<'a> Bench<'a> {
             return Err(Failure::lost(axes, error));
         }
         let mut tripped = None;
+        let end = session.stops_until();
         for axis in axes {
-            let report = session.await_stop(*axis)?;
+            let report = session.await_stop(*axis, end)?;
             if let (AxisState::Tripped { .. }, Some(trip)) = (report.state, report.trip) {
                 tripped = tripped.or(Some(Failure::tripped(*axis, &trip, session.out.motors)));
             }

@@ -98,8 +98,9 @@ fn look<T: Transport>(
 /// trip too.
 fn await_stops(session: &mut Session, held: &[ArmedAxis]) -> Result<(), Failure> {
     let mut result = Ok(());
+    let end = session.stops_until();
     for ArmedAxis { axis, .. } in held.iter().copied() {
-        let ended = session.await_stop(axis).and_then(|report| {
+        let ended = session.await_stop(axis, end).and_then(|report| {
             let told = tell_stopped(session, &report);
             let trip = report.trip.filter(|_| matches!(report.state, AxisState::Tripped { .. }));
             trip.map_or(told, |trip| Err(Failure::tripped(axis, &trip, session.out.motors)))

@@ -69,7 +69,8 @@ where
     if let Err(Failure::Client(error @ ClientError::StopUnanswered { .. })) = acted {
         return Err(Failure::lost(&[axis], error));
     }
-    let report = session.await_stop(axis)?;
+    let end = session.stops_until();
+    let report = session.await_stop(axis, end)?;
     let mut tripped = None;
     let confirmed = print_confirmation(session, axis, &mut tripped);
     let told = acted.and_then(|tell| tell(session, &report));

@@ -2,12 +2,14 @@
 
 use std::time::Duration;
 
-use mgw_client::{Client, ClientError, Transport};
+use host_protocol::ReceivedFrame;
+use mgw_client::ClientError;
 use serde_json::json;
 
 use crate::args::RecordArgs;
 use crate::failure::Failure;
-use crate::record::{Recording, Tap, What};
+use crate::record::{Recording, What};
+use crate::scan::fetch;
 use crate::session::{EVENTS_AT_ONCE, Session};
 use crate::states;
 
@@ -23,13 +25,14 @@ pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure>
     let bus = arguments.frames.as_ref().map(|bus| session.bus(bus)).transpose()?;
     let fields = states::or_all(&arguments.fields);
     let place = arguments.written.place(arguments.file.clone());
-    let recording = Recording::start(place, session.out.motors)?;
     if let Some(bus) = bus {
         session.client.raw_open(bus)?;
     }
     let period = Duration::from_millis(arguments.period);
-    let followed = session.client.subscribe(&axes, fields, period).map_err(Failure::from);
-    let followed = followed.and_then(|()| {
+    session.client.subscribe(&axes, fields, period)?;
+    // A file that is there is written over for a recording that can begin.
+    let recording = Recording::start(place, session.out.motors)?;
+    let followed = {
         let file = arguments.file.display().to_string();
         session.out.progress(
             "recording",
@@ -37,7 +40,7 @@ pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure>
             json!({ "file": file }),
         );
         follow(session, &recording, bus, arguments.seconds)
-    });
+    };
     let (followed, interrupted) = match followed {
         // Ctrl-C is how it ends.
         Err(Failure::Client(ClientError::Interrupted { .. })) => (Ok(()), true),
@@ -63,7 +66,7 @@ fn follow(
     let tap = recording.tap();
     let client = &mut session.client;
     let end = seconds.map(|seconds| client.now() + seconds);
-    let (mut lost, mut fetch_at) = (0, client.now());
+    let (mut lost, mut unfetched, mut fetch_at) = (0, 0, client.now());
     while !recording.has_failed() && end.is_none_or(|end| client.now() < end) {
         client.keep_subscription()?;
         let mut wait = LOOK_EVERY;
@@ -77,7 +80,7 @@ fn follow(
             let Some(message) = client.poll_cycle(Duration::ZERO)? else { break };
             tap.put(What::Cycle(message));
         }
-        let on_the_way = client.losses().events();
+        let on_the_way = client.losses().events() + unfetched;
         if on_the_way != lost {
             lost = on_the_way;
             tap.put(What::Lost { on_the_way });
@@ -86,22 +89,9 @@ fn follow(
             && client.now() >= fetch_at
         {
             fetch_at = client.now() + FETCH_EVERY;
-            fetch(client, &tap, bus)?;
+            let hear = |frame: &ReceivedFrame| tap.put(What::Frame { bus, frame: frame.clone() });
+            unfetched += u64::from(fetch(client, bus, hear)?);
         }
     }
     Ok(())
-}
-
-/// Fetches the raw frames that have arrived.
-fn fetch(client: &mut Client<Box<dyn Transport>>, tap: &Tap, bus: u8) -> Result<(), Failure> {
-    loop {
-        let received = client.raw_receive(bus)?;
-        let is_empty = received.frames.is_empty();
-        for frame in received.frames {
-            tap.put(What::Frame { bus, frame });
-        }
-        if is_empty {
-            return Ok(());
-        }
-    }
 }

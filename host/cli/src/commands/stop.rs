@@ -90,7 +90,9 @@ pub fn report(session: &mut Session, request: StopRequest) -> Result<(), Failure
     }
     let axes = match request {
         StopRequest::Stop(StopTarget::Axis(axis)) => vec![axis],
-        StopRequest::Stop(StopTarget::All) | StopRequest::EStop => session.axes_or_all(&[])?,
+        StopRequest::Stop(StopTarget::All) | StopRequest::EStop => session
+            .axes_or_all(&[])
+            .map_err(|failure| Failure::StopTaken { cause: failure.to_string() })?,
     };
     Failure::first([printed, stop_report::report(session, &axes)])
 }

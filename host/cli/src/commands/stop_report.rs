@@ -1,5 +1,7 @@
 //! What a stop came to, axis by axis.
 
+use std::time::Duration;
+
 use host_protocol::replies::AxisReport;
 use host_protocol::{AxisState, Error, Protocol, parameters};
 use mgw_client::ClientError;
@@ -29,9 +31,10 @@ pub enum Outcome {
 pub fn await_all(session: &mut Session, axes: &[u8]) -> (Vec<(u8, Outcome)>, Result<(), Failure>) {
     let mut result = Ok(());
     let mut outcomes = Vec::new();
+    let end = session.stops_until();
     for axis in axes.iter().copied() {
         // Every axis is waited for; the first failure is told.
-        match outcome(session, axis) {
+        match outcome(session, axis, end) {
             Ok(outcome) => {
                 if let Outcome::NotConfirmed(_) = outcome {
                     result = result.and(Err(Failure::StopNotConfirmed { axis }));
@@ -81,14 +84,15 @@ fn nothing_to_stop(axis: u8, reason: &str) -> String {
 
 /// What the stop of an axis came to, in a line. One that is not confirmed is a failure.
 pub fn outcome_line(session: &mut Session, axis: u8) -> Result<String, Failure> {
-    match outcome(session, axis)? {
+    let end = session.stops_until();
+    match outcome(session, axis, end)? {
         Outcome::NotConfirmed(_) => Err(Failure::StopNotConfirmed { axis }),
         outcome => Ok(outcome.line(axis)),
     }
 }
 
-fn outcome(session: &mut Session, axis: u8) -> Result<Outcome, Failure> {
-    match session.await_stop(axis) {
+fn outcome(session: &mut Session, axis: u8, end: Duration) -> Result<Outcome, Failure> {
+    match session.await_stop(axis, end) {
         Ok(report) => Ok(Outcome::Confirmed(report)),
         Err(Failure::StopNotConfirmed { .. }) => {
             Ok(Outcome::NotConfirmed(session.client.read_state(axis).ok()))

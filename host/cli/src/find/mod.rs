@@ -2,7 +2,7 @@
 
 mod refused;
 
-use std::io::{self, BufRead, IsTerminal, Write};
+use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
 use host_protocol::{Subject, is_name};
@@ -10,9 +10,9 @@ use mgw_client::{ConnectError, Transport, names_before_hello, open, server_port}
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::failure::Failure;
-use crate::given::unread;
 use crate::names::Names;
 use crate::output::Output;
+use crate::terminal;
 
 /// The board's own USB port, as `src/usb/description.rs` of the firmware has it.
 const GATEWAY: (u16, u16) = (0x1209, 0x0001);
@@ -57,7 +57,7 @@ pub fn open_port(
         Some(name) => called(name, system_ports(), name_of).unwrap_or_else(|| name.to_owned()),
         None => {
             let may_ask = !out.is_json() && io::stdin().is_terminal() && io::stderr().is_terminal();
-            let answer = may_ask.then(|| io::stdin().lock());
+            let answer = may_ask.then_some(terminal::answer);
             let Candidate { port, what } =
                 choose(system_ports(), answer, &mut io::stderr(), name_of)?;
             out.aside(format!("the gateway is taken to be at {port}, {what}"));
@@ -79,7 +79,8 @@ pub fn hangs(error: &ConnectError) -> bool {
 pub fn cable_port(named: Option<&str>) -> Result<String, Failure> {
     match named {
         Some(name) => Ok(called(name, system_ports(), name_of).unwrap_or_else(|| name.to_owned())),
-        None => choose(system_ports(), None::<&[u8]>, &mut io::sink(), name_of).map(|one| one.port),
+        None => choose(system_ports(), None::<fn() -> String>, &mut io::sink(), name_of)
+            .map(|one| one.port),
     }
 }
 
@@ -139,7 +140,7 @@ fn candidates(ports: Vec<SerialPortInfo>) -> (Vec<Candidate>, Vec<String>) {
 /// names.
 fn choose(
     ports: Vec<SerialPortInfo>,
-    answer: Option<impl BufRead>,
+    answer: Option<impl FnOnce() -> String>,
     asked: &mut impl Write,
     name_of: impl Fn(&str) -> Option<String>,
 ) -> Result<Candidate, Failure> {
@@ -155,7 +156,7 @@ fn choose(
     let list = |line: fn(usize, &Candidate) -> String| {
         candidates.iter().enumerate().map(|(place, one)| line(place + 1, one)).collect::<Vec<_>>()
     };
-    let Some(mut answer) = answer else {
+    let Some(answer) = answer else {
         let list = list(|_, Candidate { port, what }| format!("{port} ({what})"));
         return Err(Failure::Usage(format!(
             "several ports may lead to a gateway: {}. Name one with --port",
@@ -165,8 +166,7 @@ fn choose(
     let list = list(|place, Candidate { port, what }| format!("  {place}  {port}  {what}\n"));
     let _ = write!(asked, "Several ports may lead to a gateway:\n{}Which one? ", list.concat());
     let _ = asked.flush();
-    let mut line = String::new();
-    answer.read_line(&mut line).map_err(|source| unread("standard input", source))?;
+    let line = answer();
     let place = line.trim().parse::<usize>().ok().and_then(|place| place.checked_sub(1));
     let chosen = place.and_then(|place| candidates.get(place)).cloned();
     chosen.ok_or_else(|| {
@@ -211,7 +211,8 @@ mod tests {
     fn chosen(ports: &[SerialPortInfo], answer: Option<&str>) -> (Result<String, String>, String) {
         let mut asked = Vec::new();
         let name_of = |port: &str| (port == "/dev/ttyACM5").then(|| "arm".to_owned());
-        let chosen = choose(ports.to_vec(), answer.map(str::as_bytes), &mut asked, name_of);
+        let answer = answer.map(|typed| || typed.to_owned());
+        let chosen = choose(ports.to_vec(), answer, &mut asked, name_of);
         let told = chosen.map(|one| one.port).map_err(|failure| failure.to_string());
         (told, String::from_utf8(asked).unwrap())
     }

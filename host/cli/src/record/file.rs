@@ -117,7 +117,7 @@ fn failed(path: &Path, error: McapError) -> Failure {
 }
 
 /// `run.mcap` as `run.2.mcap`.
-fn numbered(first: &Path, number: usize) -> PathBuf {
+pub fn numbered(first: &Path, number: usize) -> PathBuf {
     let extension = first.extension().map(|extension| extension.to_string_lossy());
     first.with_extension(match extension {
         Some(extension) => format!("{number}.{extension}"),

@@ -25,6 +25,6 @@ pub enum What {
     Frame { bus: u8, frame: ReceivedFrame },
     /// A frame of the cable of a server.
     Seen(Seen),
-    /// So many samples and events got lost on the way, in all.
+    /// So many samples, events and raw frames got lost on the way, in all.
     Lost { on_the_way: u64 },
 }

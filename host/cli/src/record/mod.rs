@@ -15,6 +15,7 @@ mod read;
 mod schemas;
 mod show;
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -28,6 +29,7 @@ use serde_json::{Value, json};
 use crate::failure::Failure;
 use crate::faults::Protocols;
 use crate::output::Output;
+use crate::written::unwritten;
 
 use file::{Files, Limits};
 
@@ -152,6 +154,11 @@ impl Recording {
     pub fn start(place: Place, motors: Protocols) -> Result<Self, Failure> {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let limits = Limits { longest: place.longest, since_epoch };
+        // Hours later it would be the end of this one.
+        let second = file::numbered(&place.path, 2);
+        if !place.force && second.exists() {
+            return Err(unwritten(&second, io::ErrorKind::AlreadyExists.into()));
+        }
         let files = Files::create(place.path.clone(), limits, file::opener(place))?;
         let (queue, items) = sync_channel(WAITING);
         let unwritten = Arc::new(Unwritten::default());

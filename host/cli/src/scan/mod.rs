@@ -5,6 +5,8 @@ mod open_bus;
 mod rmd;
 mod thruster;
 
+pub use open_bus::fetch;
+
 use std::time::Duration;
 
 use ::rmd::{Dialect, Recognised};

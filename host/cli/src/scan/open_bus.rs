@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use host_protocol::replies::BusReport;
-use host_protocol::{BusConfig, BusMode, Error, RawFrame};
-use mgw_client::ClientError;
+use host_protocol::{BusConfig, BusMode, Error, RawFrame, ReceivedFrame};
+use mgw_client::{Client, ClientError, Transport};
 
 use crate::failure::Failure;
 use crate::session::Session;
@@ -167,15 +167,28 @@ impl<'a> OpenBus<'a> {
 
     fn fetch(&mut self, to: &mut dyn Hear) -> Result<(), Failure> {
         self.unseen = 0;
-        // If they come without end, what else is to be done has its turn all the same.
-        for _ in 0..BATCHES_AT_ONCE {
-            let received = self.session.client.raw_receive(self.bus)?;
-            self.lost = self.lost.saturating_add(received.dropped);
-            received.frames.iter().for_each(|received| to.hear(&received.frame));
-            if !received.frames.is_full() {
-                break;
-            }
-        }
+        let hear = |received: &ReceivedFrame| to.hear(&received.frame);
+        let lost = fetch(&mut self.session.client, self.bus, hear)?;
+        self.lost = self.lost.saturating_add(lost);
         Ok(())
     }
+}
+
+/// Fetches the raw frames that have arrived: how many the gateway could not keep until then.
+pub fn fetch(
+    client: &mut Client<Box<dyn Transport>>,
+    bus: u8,
+    mut hear: impl FnMut(&ReceivedFrame),
+) -> Result<u32, ClientError> {
+    let mut lost = 0_u32;
+    // If they come without end, what else is to be done has its turn all the same.
+    for _ in 0..BATCHES_AT_ONCE {
+        let received = client.raw_receive(bus)?;
+        lost = lost.saturating_add(received.dropped);
+        received.frames.iter().for_each(&mut hear);
+        if !received.frames.is_full() {
+            break;
+        }
+    }
+    Ok(lost)
 }

@@ -88,7 +88,7 @@ impl View {
     ) -> Result<Option<Self>, Failure> {
         let Some(address) = arguments.view else { return Ok(None) };
         check_token("--view", address, token)?;
-        let failed = |source| Failure::Server { address: address.to_string(), source };
+        let failed = |source| Failure::no_port(address.to_string(), source);
         let listener = TcpListener::bind(address).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
         let token = match token {

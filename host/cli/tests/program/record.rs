@@ -170,6 +170,18 @@ fn a_file_that_cannot_be_written_is_told_and_stops_nothing() {
     let text = sim.mgw(&["record", &path, "0"]).failure(1);
     assert!(text.contains("is there already") && text.contains("--force"), "{text}");
     assert_eq!(fs::read_to_string(&path).unwrap(), "a letter");
+    // Nor is it for a recording that cannot begin, or that would end at a file of another one.
+    let words = ["--port", &sim.port, "--json", "set", "0", "velocity", "2", "--for", "60"];
+    let mut host = Process::start(&words);
+    host.await_motion();
+    sim.mgw(&["record", &path, "--frames", "0", "--force"]).failure(1);
+    host.interrupt();
+    assert_eq!(fs::read_to_string(&path).unwrap(), "a letter");
+    let (first, second) = (file("long.mcap"), file("long.2.mcap"));
+    fs::write(&second, "a letter").unwrap();
+    let text = sim.mgw(&["record", &first, "0", "--for", "0.1"]).failure(1);
+    assert!(text.contains("long.2.mcap is there already"), "{text}");
+    assert!(!fs::exists(&first).unwrap());
     let text = sim.mgw(&["record", "/nowhere/run.mcap"]).failure(1);
     assert!(text.contains("cannot write /nowhere/run.mcap"), "{text}");
     let text = mgw(&["play", &path]).failure(2);

@@ -177,6 +177,16 @@ fn what_a_browser_posts_is_no_request() {
     server.mgw(&["info"]).success();
 }
 
+/// It would be asked for by one program, and found again by none.
+#[test]
+fn a_rate_for_a_shared_line_is_refused_before_anything_is_served() {
+    let socket = std::env::temp_dir().join(format!("mgw-test-{}-rate.sock", std::process::id()));
+    let line = ["--port", "/dev/ttyACM0@2000000", "serve", "--listen", "127.0.0.1:0", "--socket"];
+    let said = mgw(&[&line[..], &[socket.to_str().unwrap()]].concat()).failure(2);
+    assert!(said.contains("run it at the default rate") && said.contains("E-"), "{said}");
+    assert!(!socket.exists());
+}
+
 #[test]
 fn a_second_server_is_refused_and_the_socket_of_a_dead_one_is_not_in_its_way() {
     let sim = Sim::start();

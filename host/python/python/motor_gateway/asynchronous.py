@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import count
+from threading import Thread
 from types import TracebackType
 from typing import (
     AsyncIterator,
@@ -96,14 +97,13 @@ class AsyncGateway:
         return await self.call(lambda gateway: gateway.state(axis))
 
     async def stop(self, axis: Optional[int] = None) -> None:
-        """As :meth:`Gateway.stop`: the stop of all waits for no other call."""
-        if axis is not None:
-            return await self.call(lambda gateway: gateway.stop(axis))
-        return await asyncio.get_running_loop().run_in_executor(None, self.gateway.stop)
+        """As :meth:`Gateway.stop`: it waits for no other call, and is sent though it is cancelled."""
+        await _at_once(lambda: self.gateway.stop(axis))
 
     async def estop(self) -> None:
-        """As :meth:`Gateway.estop`: it waits for no other call."""
-        return await asyncio.get_running_loop().run_in_executor(None, self.gateway.estop)
+        """As :meth:`Gateway.estop`: it waits for no other call, and is sent though it is
+        cancelled."""
+        await _at_once(self.gateway.estop)
 
     async def event(self) -> Event:
         """The next event, whenever it comes."""
@@ -129,6 +129,23 @@ class AsyncGateway:
             lambda gateway: gateway.subscribe(*axes, fields=fields, period_s=period_s)
         )
         return AsyncSamples(self, samples)
+
+
+async def _at_once(act: Callable[[], None]) -> None:
+    """Does it in a thread of its own, which no other work of the program keeps waiting."""
+    done: Future[None] = Future()
+
+    def stop() -> None:
+        done.set_running_or_notify_cancel()
+        try:
+            act()
+        except BaseException as error:
+            done.set_exception(error)
+        else:
+            done.set_result(None)
+
+    Thread(target=stop, name="motor_gateway_stop").start()
+    await asyncio.shield(asyncio.wrap_future(done))
 
 
 class AsyncArmed:
