@@ -168,3 +168,18 @@ fn a_stop_during_a_restart_that_was_asked_natively_makes_no_axis_unreachable() {
     run_with_host(&mut rig, 700_000);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
 }
+
+/// Both let go, or change what the motor does by itself.
+#[test]
+fn behind_a_latched_e_stop_no_motor_is_restarted_or_provisioned() {
+    let mut rig = tripped(u32::MAX, AFTER);
+    bench::e_stop(&mut rig);
+    run_with_host(&mut rig, 500_000);
+    assert_eq!(rig.ask(RESTART), Err(Error::EStopped {}));
+    let (mut rig, _) = bench::rmd(StopAction::Coast);
+    bench::e_stop(&mut rig);
+    run_with_host(&mut rig, 500_000);
+    let since = rig.now_us;
+    assert_eq!(bench::provision(&mut rig, 300), Err(Error::EStopped {}));
+    assert!(!rig.sent_since(0, since).iter().any(|text| text.starts_with("141#B3")));
+}

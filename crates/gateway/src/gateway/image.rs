@@ -84,9 +84,7 @@ impl Gateway {
     /// While images are exchanged nobody watches a motor, and the next one may not know the words
     /// by which this one remembers an e-stop.
     fn check_quiet(&self) -> Result<()> {
-        if self.e_stopped || self.e_stop_input_open {
-            return Err(Error::EStopped {});
-        }
+        self.refuse_latched()?;
         self.check_at_rest()
     }
 

@@ -253,6 +253,7 @@ impl Gateway {
         request: &requests::ProvisionMotorTimeout,
         ticket: Ticket,
     ) -> Result<()> {
+        self.refuse_e_stopped(request.axis)?;
         let axis = self.idle_axis(request.axis)?;
         crate::protocol::check_timeout(request.timeout_ms, &axis.config)?;
         self.start(now, request.axis, JobKind::Provision { timeout_ms: request.timeout_ms }, ticket)
@@ -273,9 +274,7 @@ impl Gateway {
 
     /// Why an axis may not be armed now.
     fn check_arm(&self, now: Instant, index: u8) -> Result<()> {
-        if self.e_stopped || self.e_stop_input_open {
-            return Err(Error::EStopped {});
-        }
+        self.refuse_latched()?;
         let axis = self.idle_axis(index)?;
         if !axis.arming_settles_the_timeout() {
             axis.check_motor_timeout(now)?;
@@ -334,6 +333,8 @@ impl Gateway {
             return Err(Error::NothingToClear { axis: index });
         }
         self.check_clear(index)?;
+        // It lets go.
+        self.refuse_latched()?;
         let axis = self.axis(index)?;
         if let Some(protocol) = axis.config.protocol().filter(|_| !axis.can(Exchange::Restart)) {
             return Err(Error::Unsupported { axis: index, protocol });

@@ -223,9 +223,10 @@ impl Gateway {
 
     /// While the e-stop is latched nothing moves; an axis that tripped says why by itself.
     pub(crate) fn refuse_e_stopped(&self, axis: u8) -> Result<()> {
-        if (self.e_stopped || self.e_stop_input_open) && self.axis(axis)?.trip_reason().is_none() {
-            return Err(Error::EStopped {});
-        }
-        Ok(())
+        if self.axis(axis)?.trip_reason().is_none() { self.refuse_latched() } else { Ok(()) }
+    }
+
+    pub(crate) fn refuse_latched(&self) -> Result<()> {
+        if self.e_stopped || self.e_stop_input_open { Err(Error::EStopped {}) } else { Ok(()) }
     }
 }

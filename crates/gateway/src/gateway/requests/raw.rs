@@ -73,9 +73,7 @@ impl Gateway {
 
     /// Why raw frames may not be sent on a bus.
     fn refuse_raw(&self, bus: u8, unsafe_access: bool) -> Result<()> {
-        if self.e_stopped || self.e_stop_input_open {
-            return Err(Error::EStopped {});
-        }
+        self.refuse_latched()?;
         let here = || self.axes.iter().filter(|axis| axis.config.bus() == Some(bus));
         if unsafe_access && let Some(axis) = here().next() {
             return Err(Error::AxisOnBus { bus, axis: axis.index });
