@@ -215,3 +215,24 @@ fn questions_keep_no_silent_motor_from_being_told_to_hold_again() {
     }
     assert!(rig.sent_since(0, since).contains(&HOLD));
 }
+
+/// It was seen to turn, so it was not at rest.
+#[test]
+fn the_stop_of_a_holding_motor_that_turns_and_cannot_be_reached_drops_the_enable_output() {
+    let mut rig = held();
+    rig.instead(|text| match text.starts_with("141#9C") {
+        true => Instead::Nothing,
+        false => Instead::AsUsual,
+    });
+    let since = rig.now_us;
+    while !rig.sent_since(0, since).iter().any(|text| text.starts_with("141#9C")) {
+        rig.run(50);
+    }
+    rig.run(200);
+    rig.cut();
+    rig.receive(0, "241#9C326400F4012D00");
+    assert_eq!(listed(&mut rig, 0), AxisState::Stopping);
+    run_with_host(&mut rig, 500_000);
+    assert!(matches!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false }));
+    assert!(!rig.gateway.enable_output());
+}

@@ -32,6 +32,9 @@ impl Axis {
             // A motor that should hold turns. Going on with the polls would keep its own timeout
             // from stopping it.
             self.halt(now, out);
+            if let Some(stop) = self.stop_mut() {
+                stop.from_rest = false;
+            }
             return;
         }
         if !self.is_armed() {
@@ -116,6 +119,11 @@ impl Axis {
         tripped: TripReason,
         seen: &Observation,
     ) -> Result<(), Error> {
+        if let (TripReason::Uncommanded, Some(velocity)) = (tripped, seen.velocity_rad_s)
+            && velocity.abs() > self.config.uncommanded_rad_s()
+        {
+            return Err(Error::CauseRemains { axis: self.index, reason: tripped });
+        }
         let TripReason::LimitExceeded { quantity, .. } = tripped else { return Ok(()) };
         match self.exceeded(&Observation { position_rad: None, ..*seen }) {
             Some(reason @ TripReason::LimitExceeded { quantity: still, .. })
