@@ -195,9 +195,10 @@ impl Transactions {
 
     /// Whether a reply may come that is due within the bus's window.
     pub fn awaits_reply(&self) -> bool {
-        let current = self.current.as_ref().filter(|c| protocol::slow_reply(&c.command).is_none());
-        current.is_some_and(Transaction::is_awaited)
-            || self.former.as_ref().is_some_and(Transaction::is_awaited)
+        let within = |request: &Transaction| {
+            request.is_awaited() && protocol::slow_reply(&request.command).is_none()
+        };
+        self.current.as_ref().is_some_and(within) || self.former.as_ref().is_some_and(within)
     }
 
     /// A job begins: the request under way is not of it.
