@@ -100,10 +100,7 @@ impl Look {
             look.note(Is::Ready, at <= now);
             let again = || axis.next_request_at(after).unwrap_or(Instant::NEVER);
             look.is_due(if after == now { at } else { again() }, after);
-            // A clearing that waits for the bus does not keep the stop behind it waiting.
-            if axis.is_busy()
-                && let Some((_, at)) = axis.stop().and_then(Stop::next)
-            {
+            if let Some(at) = axis.due_beside_job() {
                 look.is_due(at, after);
             }
         }

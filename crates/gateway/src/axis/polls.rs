@@ -1,7 +1,7 @@
 //! What an axis wants to send next.
 
-use super::Axis;
 use super::state::{Armed, State};
+use super::{Axis, Stop};
 use crate::protocol::{self, Command, Exchange, Info};
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
@@ -78,14 +78,33 @@ impl Axis {
             Some(stop) if stop.next().is_some_and(|(next, _)| next == exchange) => {
                 Priority::StopStep
             }
-            None if self.is_idle_or_holding() && self.job.is_none() => {
-                let keeps = matches!(exchange, Exchange::Velocity | Exchange::RunTime);
-                let holds = self.is_kept_holding() && keeps;
-                if holds { Priority::StopStep } else { Priority::Watch }
-            }
+            // Whatever is polled, the motor hears something.
+            None if next == Next::Poll && self.is_kept_holding() => Priority::StopStep,
+            None if self.is_idle_or_holding() && self.job.is_none() => Priority::Watch,
             _ => Priority::Ordinary,
         };
         Some(Request { priority, due: at, exchange })
+    }
+
+    /// The poll that keeps a motor holding, if it is due: where what a job asks of the axis is
+    /// barred, that goes past it.
+    pub fn holding_request(&self, now: Instant) -> Option<Request> {
+        let due = self.holding_poll_at().filter(|due| *due <= now)?;
+        let exchange = self.poll_exchange()?;
+        let is_free = self.transactions.is_idle();
+        is_free.then_some(Request { priority: Priority::StopStep, due, exchange })
+    }
+
+    /// When the next poll that keeps the motor holding is due.
+    fn holding_poll_at(&self) -> Option<Instant> {
+        self.is_kept_holding().then(|| self.from(Next::Poll, self.state_poll_at).1)
+    }
+
+    /// When what a job does not keep waiting is due: the stop behind a clearing, and what keeps a
+    /// motor holding.
+    pub fn due_beside_job(&self) -> Option<Instant> {
+        self.job.as_ref()?;
+        self.stop().and_then(Stop::next).map(|(_, at)| at).or_else(|| self.holding_poll_at())
     }
 
     /// The command that serves an exchange now; `None` where there is none to send.
@@ -126,7 +145,13 @@ impl Axis {
     /// What comes next and the time from which on it is wanted. Whatever is overdue longest goes
     /// first.
     fn next(&self, now: Instant) -> Option<(Next, Instant)> {
-        let job = self.job_step().map(|exchange| (Next::This(exchange), self.job_since()));
+        // A motion of a job is over when its time is, as every other.
+        let is_over = |exchange| {
+            exchange == Exchange::Motion
+                && !self.motion().is_some_and(|motion| motion.is_permitted(now))
+        };
+        let job = self.job_step().filter(|exchange| !is_over(*exchange));
+        let job = job.map(|exchange| (Next::This(exchange), self.job_since()));
         match &self.state {
             State::Stopping(stop) | State::Tripped(_, stop) => {
                 let next = stop.next().map(|(exchange, at)| (Next::This(exchange), at));
@@ -137,7 +162,8 @@ impl Axis {
                     }
                     (Some((_, at)), Some(_)) if at > now => self.earliest(&[job, next]),
                     (None, Some(_)) => self.earliest(&[job]),
-                    (Some((Next::This(Exchange::Stop), _)), _) => next,
+                    // Nor does what ends a move to a position wait for a late reply.
+                    (Some((Next::This(Exchange::Stop | Exchange::PositionStop), _)), _) => next,
                     (next, _) => self.earliest(&[next]),
                 }
             }
