@@ -84,8 +84,7 @@ impl Bus {
                 continue;
             }
             let is_barred = !may_ordinary && axis.stop().is_none();
-            let want =
-                if is_barred { axis.holding_request(now) } else { axis.next_request(now) };
+            let want = if is_barred { axis.holding_request(now) } else { axis.next_request(now) };
             let Some(mut want) = want else { continue };
             if want.priority == Priority::Stop && stops == Stops::Sent && self.takes_its_turn(axis)
             {
