@@ -10,33 +10,25 @@ pub mod flash;
 mod host_links;
 #[cfg(has_loader)]
 mod loader;
-#[cfg(feature = "nucleo-g474re")]
-mod nucleo_g474re;
-#[cfg(feature = "nucleo-h743zi")]
-mod nucleo_h743zi;
 mod ports;
 mod serial;
+#[cfg(feature = "nucleo-g474re")]
+#[path = "board/nucleo_g474re.rs"]
+mod this;
+#[cfg(feature = "nucleo-h743zi")]
+#[path = "board/nucleo_h743zi.rs"]
+mod this;
 
 // As the flash interfaces have it, which a loader has, too.
 use embassy_stm32::pac;
 use gateway::{Board, BusPort};
 use host_links::HostLinks;
 use host_protocol::{BootReason, BusLimit};
-#[cfg(feature = "nucleo-g474re")]
-use nucleo_g474re::ENABLE_OUTPUT;
-#[cfg(feature = "nucleo-g474re")]
-pub use nucleo_g474re::{
+use this::ENABLE_OUTPUT;
+pub use this::{
     CAN_BUSES, CAN_TIMINGS, FLIGHT_BYTES, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort,
-    WATCHDOG, begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock, start,
-    start_rom_bootloader,
-};
-#[cfg(feature = "nucleo-h743zi")]
-use nucleo_h743zi::ENABLE_OUTPUT;
-#[cfg(feature = "nucleo-h743zi")]
-pub use nucleo_h743zi::{
-    CAN_BUSES, CAN_TIMINGS, FLIGHT_BYTES, HOST_UARTS, NAME, RS485_BUSES, UsbDriver, UsbPort,
-    WATCHDOG, begin_with_data0, boot_reason, end_halt, forget_boot_reason, has_lost_clock, start,
-    start_rom_bootloader,
+    WATCHDOG, begin_with_data0, boot_reason, cache_instructions, end_halt, forget_boot_reason,
+    has_lost_clock, start, start_rom_bootloader,
 };
 
 /// Version of the firmware.

@@ -296,6 +296,8 @@ impl Receiver {
             w.set_eie(true);
             w.set_dmar(true);
         });
+        // A byte that came before asks for no transfer, and each behind it would be one late.
+        registers.rqr().write(|w| w.set_rxfrq(true));
         Self { ring, registers, ends, has_more: false, is_inside: false, events: T::events() }
     }
 

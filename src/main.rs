@@ -50,17 +50,18 @@ mod watchdog;
 async fn main(spawner: embassy_executor::Spawner) {
     use defmt_rtt as _;
     use shared_gateway::SharedGateway;
-    use starts::Begins;
+    use starts::{Begins, Start};
 
+    board::cache_instructions();
     let boot = board::boot_reason();
     usb::bootloader::start_if_asked_for(boot);
     fault::guard_stack();
     watchdog::start();
     let words = retained::start(boot);
-    let begins = starts::count(boot);
+    let Start { failed, begins } = starts::count(boot);
     let is_bare = begins == Begins::Bare;
     let words = if begins == Begins::AsItWas { words } else { words.without_the_run_before() };
-    let has_kept_flight = flight::start(boot, is_bare);
+    let has_kept_flight = flight::start(boot, failed);
     // Not before the retained RAM can be read: a reset in between must find the same reason.
     board::forget_boot_reason();
     let crash_report = crash_report::take(boot, is_bare);

@@ -22,6 +22,14 @@ const BARE: u32 = ENOUGH + 1;
 /// A run that has lasted so long has not failed early.
 pub const LASTED: Duration = Duration::from_secs(10);
 
+/// A run that begins.
+pub struct Start {
+    /// So many before it have failed early.
+    pub failed: u32,
+    /// With what it begins.
+    pub begins: Begins,
+}
+
 /// With what a run begins.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Begins {
@@ -35,16 +43,17 @@ pub enum Begins {
 }
 
 /// Counts this start; once, when the retained RAM has been started.
-pub fn count(boot: BootReason) -> Begins {
+pub fn count(boot: BootReason) -> Start {
     let counted = read();
     let fails = matches!(boot, BootReason::Watchdog | BootReason::Software);
     write(if fails { counted.saturating_add(1) } else { 1 });
-    match counted {
+    let begins = match counted {
         ENOUGH.. if fails => Begins::Bare,
         // More than those that have failed: the bare one counts, too.
         BARE.. => Begins::AsStored,
         _ => Begins::AsItWas,
-    }
+    };
+    Start { failed: if fails { counted } else { 0 }, begins }
 }
 
 /// This run has lasted. One that does without configuration ends nothing: the next would find

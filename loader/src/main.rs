@@ -35,8 +35,18 @@ fn main() -> ! {
     };
     let mut partitions = Partitions { active, update, state };
     let mut buffer = [0; flash::WORD];
-    match loader::prepare(&mut partitions, &mut buffer, watchdog::start, has_image) {
-        Next::Image => start(active.addresses().start),
+    let mut is_watched = false;
+    let watch = || {
+        is_watched = true;
+        watchdog::start();
+    };
+    match loader::prepare(&mut partitions, &mut buffer, watch, has_image) {
+        Next::Image => {
+            if is_watched {
+                watchdog::hand_over();
+            }
+            start(active.addresses().start)
+        }
         // A probe or DFU brings one.
         Next::NoImage => start(ROM_BOOTLOADER),
         // The watchdog restarts it, and it tries again.

@@ -95,6 +95,8 @@ pub fn end(address: u32) {
 /// Reads the word at an address. One that has two wrong bits, as a loss of power leaves it, is a
 /// bus fault on this chip, and reads as zeros here.
 pub fn read(address: u32, word: &mut [u8; WORD]) {
+    // What stands there by now is of another load.
+    bank(address).ccr().write(|w| w.set_clr_dbeccerr(true));
     // Safety: aligned words of the flash, read where nothing can interrupt: so no other load's
     // fault is ignored. The masks are as before in the end, as no interrupt handler reads these
     // pages.

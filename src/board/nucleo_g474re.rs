@@ -253,6 +253,9 @@ pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG;
 /// The enable output: its port, and its number there.
 pub const ENABLE_OUTPUT: (pac::gpio::Gpio, usize) = (pac::GPIOB, 0);
 
+/// They are from reset on.
+pub fn cache_instructions() {}
+
 /// Sets clocks, pins and UARTs up. `crash_report` is what the run before has left.
 pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
     let mut config = Config::default();

@@ -281,13 +281,15 @@ pub const WATCHDOG: pac::iwdg::Iwdg = pac::IWDG1;
 /// The enable output: its port, and its number there.
 pub const ENABLE_OUTPUT: (pac::gpio::Gpio, usize) = (pac::GPIOE, 9);
 
-/// Sets clocks, pins and UARTs up. `crash_report` is what the run before has left.
-pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
+/// Instructions only: with a data cache every DMA buffer would have to be cleaned and invalidated.
+pub fn cache_instructions() {
     if let Some(mut core) = cortex_m::Peripherals::take() {
-        // Instructions only: with a data cache every DMA buffer would have to be cleaned and
-        // invalidated.
         core.SCB.enable_icache();
     }
+}
+
+/// Sets clocks, pins and UARTs up. `crash_report` is what the run before has left.
+pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
     let mut config = Config::default();
     let has_clock = st_link_clocks_us(boot);
     set_clocks(&mut config.rcc, has_clock);

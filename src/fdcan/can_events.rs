@@ -14,7 +14,7 @@ use core::task::Poll;
 use embassy_stm32::can;
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::pac::can::Fdcan;
-use embassy_stm32::pac::can::regs::Txbcie;
+use embassy_stm32::pac::can::regs::{Ir, Txbcie};
 use embassy_sync::blocking_mutex::CriticalSectionMutex;
 use embassy_sync::waitqueue::AtomicWaker;
 use gateway::port::TRANSMIT_SLOTS;
@@ -260,6 +260,8 @@ pub(crate) use instance;
 pub fn route_interrupts<T: Instance>() {
     T::route_to_second_line();
     let controller = T::registers();
+    // What the controller told before a restart is over.
+    controller.ir().write_value(Ir(u32::MAX));
     // Every place tells when it has given its frame back.
     controller.txbcie().write_value(Txbcie((1 << TRANSMIT_PLACES) - 1));
     controller.ie().write(|w| {

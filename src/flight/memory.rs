@@ -11,7 +11,7 @@ use gateway::Gateway;
 use host_protocol::{BootReason, CHECKSUM};
 
 use crate::board::{BUILD_ID, FLIGHT_BYTES};
-use crate::{image, retained};
+use crate::{image, retained, watchdog};
 
 /// Bytes of each half.
 const HALF: usize = (FLIGHT_BYTES - size_of::<Remembered>()) / 2;
@@ -20,6 +20,9 @@ const HALF: usize = (FLIGHT_BYTES - size_of::<Remembered>()) / 2;
 const IS_LARGE: bool = HALF >= 2 * size_of::<Gateway>();
 /// What a copy takes then.
 const CORE: usize = size_of::<Gateway>().next_multiple_of(size_of::<u32>());
+/// Bytes that are filled between two feeds of the watchdog: all of them take a slow processor a good
+/// part of its time.
+const FILLED_AT_ONCE: usize = 16 * 1024;
 /// What is remembered takes no more bytes.
 const REMEMBERED_BYTES: usize = 240;
 /// The memory has something to remember.
@@ -65,13 +68,19 @@ pub struct Memory {
 }
 
 /// Fills the memory where its words may never have been written: such a word is read with a wrong
-/// code (RM0433, RAMECC). Whether it has outlived what started the processor. Once, before the reason
-/// of this start is forgotten: a reset in between must find the same.
-pub fn start(boot: BootReason, is_bare: bool) -> bool {
-    let is_kept = retained::is_kept(boot) && !is_bare;
+/// code (RM0433, RAMECC). Whether it has outlived what started the processor. Where two starts have
+/// failed, it may have been by a word of it that cannot be read: no stop waits for a third. Once,
+/// before the reason of this start is forgotten: a reset in between must find the same.
+pub fn start(boot: BootReason, failed_starts: u32) -> bool {
+    let is_kept = retained::is_kept(boot) && failed_starts < 2;
     if !is_kept {
-        // Safety: nobody refers to it yet.
-        unsafe { PLACE.0.get().write_bytes(0, 1) };
+        let bytes = PLACE.0.get().cast::<u8>();
+        for start in (0..FLIGHT_BYTES).step_by(FILLED_AT_ONCE) {
+            let length = FILLED_AT_ONCE.min(FLIGHT_BYTES - start);
+            // Safety: inside the static, and nobody refers to it yet.
+            unsafe { bytes.add(start).write_bytes(0, length) };
+            watchdog::feed();
+        }
     }
     is_kept
 }

@@ -86,7 +86,7 @@ async fn send(gateway: &SharedGateway, link: u8, mut sender: Sender) {
             gateway.link_changed(link).await;
             continue;
         };
-        if sender.send(frame.get(..length).unwrap_or_default()).await.is_err()
+        if !sender.send(frame.get(..length).unwrap_or_default()).await
             && let Some(so_far) = dropped.add(1)
         {
             defmt::info!(

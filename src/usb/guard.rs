@@ -9,18 +9,25 @@
 //! plugged in again, keeps an endpoint of the OTG controller busy for ever: the stack switches no
 //! endpoint off at a reset. Here all are.
 //!
+//! While a control transfer is under way the stack takes nothing of the bus, and would wait for ever
+//! for a host that has gone in the middle of one: each of its stages ends by itself.
+//!
 //! An endpoint that the host halts no more, or configures again, must begin with DATA0 (USB 2.0
 //! §9.4.5, §9.1.1.5). The drivers leave its toggle as it is, so that a packet would be lost, and
 //! the one of the controller with packet memory never returns from ending a halt that is none.
 
 use embassy_futures::yield_now;
+use embassy_time::{Duration, with_timeout};
 use embassy_usb::driver::{
-    Bus, Driver, EndpointAddress, EndpointAllocError, EndpointInfo, EndpointType, Event,
-    Unsupported,
+    Bus, ControlPipe, Driver, EndpointAddress, EndpointAllocError, EndpointError, EndpointInfo,
+    EndpointType, Event, Unsupported,
 };
 use embassy_usb::driver::{Direction, Endpoint as _};
 
 use crate::board;
+
+/// The longest that a packet of a control transfer may take (USB 2.0 §9.2.6.4).
+const STAGE: Duration = Duration::from_millis(500);
 
 /// The endpoints that a device has, one bit each: IN above OUT.
 #[derive(Clone, Copy, Default)]
@@ -68,7 +75,7 @@ impl<D> Guarded<D> {
 impl<'d, D: Driver<'d>> Driver<'d> for Guarded<D> {
     type EndpointOut = D::EndpointOut;
     type EndpointIn = D::EndpointIn;
-    type ControlPipe = D::ControlPipe;
+    type ControlPipe = GuardedControl<D::ControlPipe>;
     type Bus = GuardedBus<D::Bus>;
 
     fn alloc_endpoint_out(
@@ -99,7 +106,47 @@ impl<'d, D: Driver<'d>> Driver<'d> for Guarded<D> {
 
     fn start(self, control_max_packet_size: u16) -> (Self::Bus, Self::ControlPipe) {
         let (bus, control) = self.driver.start(control_max_packet_size);
-        (GuardedBus { bus, endpoints: self.endpoints }, control)
+        (GuardedBus { bus, endpoints: self.endpoints }, GuardedControl(control))
+    }
+}
+
+/// Its control pipe.
+pub struct GuardedControl<C>(C);
+
+impl<C: ControlPipe> ControlPipe for GuardedControl<C> {
+    fn max_packet_size(&self) -> usize {
+        self.0.max_packet_size()
+    }
+
+    async fn setup(&mut self) -> [u8; 8] {
+        self.0.setup().await
+    }
+
+    async fn data_out(
+        &mut self,
+        buf: &mut [u8],
+        first: bool,
+        last: bool,
+    ) -> Result<usize, EndpointError> {
+        let received = with_timeout(STAGE, self.0.data_out(buf, first, last)).await;
+        received.unwrap_or(Err(EndpointError::Disabled))
+    }
+
+    async fn data_in(&mut self, data: &[u8], first: bool, last: bool) -> Result<(), EndpointError> {
+        let sent = with_timeout(STAGE, self.0.data_in(data, first, last)).await;
+        sent.unwrap_or(Err(EndpointError::Disabled))
+    }
+
+    async fn accept(&mut self) {
+        let _ = with_timeout(STAGE, self.0.accept()).await;
+    }
+
+    async fn reject(&mut self) {
+        self.0.reject().await;
+    }
+
+    async fn accept_set_address(&mut self, address: u8) {
+        let _ = with_timeout(STAGE, self.0.accept_set_address(address)).await;
     }
 }
 

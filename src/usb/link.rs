@@ -13,15 +13,6 @@ const PACKET_BYTES: usize = PACKET as usize;
 /// or two unless nobody reads.
 const FRAME_DEADLINE: Duration = Duration::from_millis(50);
 
-/// Why a frame was dropped.
-#[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
-pub enum NotSent {
-    /// No host has set the device up.
-    NoHost,
-    /// The host did not fetch it in time: suspended, unplugged, or no program reads.
-    NotFetched,
-}
-
 /// From the host.
 pub struct Receiver {
     port: cdc_acm::Receiver<'static, Driver>,
@@ -56,13 +47,10 @@ impl Sender {
     }
 
     /// Hands a whole frame over, or drops what is left of it: the frame after it begins with a
-    /// delimiter.
-    pub async fn send(&mut self, frame: &[u8]) -> Result<(), NotSent> {
-        match with_timeout(FRAME_DEADLINE, self.send_packets(frame)).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) => Err(NotSent::NoHost),
-            Err(_) => Err(NotSent::NotFetched),
-        }
+    /// delimiter. Whether it was sent: not where no host has set the device up, nor where one does
+    /// not fetch it in time, as it is suspended, unplugged, or no program reads.
+    pub async fn send(&mut self, frame: &[u8]) -> bool {
+        with_timeout(FRAME_DEADLINE, self.send_packets(frame)).await.is_ok_and(|sent| sent.is_ok())
     }
 
     async fn send_packets(&mut self, frame: &[u8]) -> Result<(), EndpointError> {

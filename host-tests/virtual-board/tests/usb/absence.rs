@@ -5,18 +5,23 @@ use std::time::Duration;
 use host_protocol::{Request, requests};
 use virtual_board::board::Board;
 use virtual_board::usb_session;
-use virtual_stm32::usb::host::Errors;
+use virtual_stm32::usb::host::{Control, Errors};
 
 use crate::rig::{Rig, frame, pings};
 
 on_each_board!(
     a_suspended_bus_is_resumed,
     a_reset_bus_is_enumerated_again,
+    a_host_that_goes_within_a_control_transfer_finds_the_device_again,
     a_cable_pulled_in_the_middle_of_a_frame_loses_that_frame,
     a_host_that_stops_reading_holds_up_nobody_else,
     frames_for_an_absent_host_are_dropped,
 );
 
+/// The standard request for a descriptor.
+const GET_DESCRIPTOR: u8 = 6;
+/// So long the device may wait for the rest of a control transfer.
+const CONTROL: Duration = Duration::from_millis(600);
 /// How often a host reads nothing at all until it is said to be away.
 const WHILE: Duration = Duration::from_millis(200);
 
@@ -46,6 +51,31 @@ fn a_reset_bus_is_enumerated_again(board: Board) {
         assert!(rig.is_answered(sequence + 50), "{:?}", rig.log());
     }
     assert_eq!(rig.machine.borrow_mut().usb().errors(), Errors::default());
+}
+
+/// By a reset of the bus, or the cable: behind what it had asked for, the answer, or its end.
+fn a_host_that_goes_within_a_control_transfer_finds_the_device_again(board: Board) {
+    let rig = Rig::connected(board);
+    let configuration = Control::read(0, GET_DESCRIPTOR, 2 << 8, 0, 96);
+    let mut sequence = 10;
+    for micros in (0..480).step_by(20) {
+        for is_pulled in [false, true] {
+            let mut machine = rig.machine.borrow_mut();
+            machine.usb().control(configuration.clone());
+            machine.run_for(Duration::from_micros(1000 + micros));
+            if is_pulled {
+                machine.usb().unplug();
+                machine.run_for(WHILE);
+                assert!(usb_session::plug(&mut machine), "after {micros} µs");
+            }
+            machine.run_for(CONTROL);
+            usb_session::enumerate(&mut machine);
+            usb_session::open_port(&mut machine);
+            drop(machine);
+            assert!(rig.is_answered(sequence), "{micros} µs, {is_pulled}: {:?}", rig.log());
+            sequence += 1;
+        }
+    }
 }
 
 fn a_cable_pulled_in_the_middle_of_a_frame_loses_that_frame(board: Board) {
