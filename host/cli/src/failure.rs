@@ -149,7 +149,7 @@ impl Failure {
 
     /// What the gateway would refuse, found before it is asked.
     pub fn would_be_refused(error: Error) -> Self {
-        Self::Explained { error, text: error.to_string() }
+        Self::Explained { error, text: with_way_out(&error) }
     }
 
     /// What the gateway refused it with, or would.
@@ -263,7 +263,7 @@ fn client_name(error: &ClientError) -> &'static str {
 }
 
 /// `0, 2 and 3`
-fn list(axes: &[u8]) -> String {
+pub fn list(axes: &[u8]) -> String {
     let numbers: Vec<String> = axes.iter().map(u8::to_string).collect();
     match numbers.split_last() {
         Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
@@ -271,12 +271,30 @@ fn list(axes: &[u8]) -> String {
     }
 }
 
-/// What to do about an axis whose configuration is not complete.
-fn not_configured(f: &mut fmt::Formatter<'_>, what: &str, missing: &str) -> fmt::Result {
-    write!(
-        f,
-        "{what} is not configured: {missing}. Write it into a file, then `mgw config apply FILE`"
-    )
+/// What the gateway has refused, with the command that helps where there is one.
+fn with_way_out(error: &Error) -> String {
+    let not_configured = |what: String, missing: String| {
+        format!(
+            "{what} is not configured: {missing}. Write it into a file, then `mgw config apply \
+                FILE`"
+        )
+    };
+    match *error {
+        Error::NotConfigured { axis, parameter } => not_configured(
+            format!("axis {axis}"),
+            format!("it has no {}", Quantity::Parameter(parameter)),
+        ),
+        Error::BusNotConfigured { bus } => {
+            not_configured(format!("bus {bus}"), "it has no bitrate".to_owned())
+        }
+        Error::MotorTimeoutUnknown { axis } | Error::MotorTimeoutOff { axis } => {
+            format!("{error}: `mgw config timeout {axis} 300`")
+        }
+        Error::NotIdle { axis, state: AxisState::Holding } | Error::BusInUse { axis, .. } => {
+            format!("{error}: `mgw output-off {axis}`")
+        }
+        _ => error.to_string(),
+    }
 }
 
 /// Whether the text is no name of a port at all.
@@ -319,13 +337,7 @@ fn tripped(axis: u8, reason: &TripReason) -> Value {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Client(ClientError::Gateway(Error::NotConfigured { axis, parameter })) => {
-                let missing = format!("it has no {}", Quantity::Parameter(*parameter));
-                not_configured(f, &format!("axis {axis}"), &missing)
-            }
-            Self::Client(ClientError::Gateway(Error::BusNotConfigured { bus })) => {
-                not_configured(f, &format!("bus {bus}"), "it has no bitrate")
-            }
+            Self::Client(ClientError::Gateway(error)) => f.write_str(&with_way_out(error)),
             Self::Client(error) => error.fmt(f),
             Self::Lost { axes, cause } => {
                 let (them, trip) = match axes.as_slice() {

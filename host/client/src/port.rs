@@ -111,7 +111,7 @@ enum Port<'a> {
 impl<'a> Port<'a> {
     fn read(port: &'a str) -> Result<Self, ConnectError> {
         #[cfg(unix)]
-        if let Some(path) = port.strip_prefix(UNIX_PREFIX) {
+        if let Some(path) = behind(UNIX_PREFIX, port) {
             return if path.is_empty() { Err(ConnectError::NoPath) } else { Ok(Self::Unix(path)) };
         }
         if let Some(address) = tcp_address(port) {
@@ -152,10 +152,15 @@ fn no_serial(device: &str, baud: u32, source: io::Error) -> ConnectError {
     ConnectError::Serial { device: device.to_owned(), baud, source }
 }
 
+/// What stands behind a prefix, however that is written.
+fn behind<'a>(prefix: &str, port: &'a str) -> Option<&'a str> {
+    let (before, behind) = port.split_at_checked(prefix.len())?;
+    before.eq_ignore_ascii_case(prefix).then_some(behind)
+}
+
 /// What stands behind `tcp:`, however that is written; without it what can be no device.
 fn tcp_address(port: &str) -> Option<&str> {
-    let (prefix, address) = port.split_at_checked(TCP_PREFIX.len()).unwrap_or(("", port));
-    if prefix.eq_ignore_ascii_case(TCP_PREFIX) {
+    if let Some(address) = behind(TCP_PREFIX, port) {
         return Some(address.strip_prefix("//").unwrap_or(address));
     }
     let is_device = port.contains(['/', '\\']);

@@ -15,7 +15,7 @@ use mgw_client::{AxisSetpoint, ClientError, make_signal, make_velocity};
 use crate::args::BenchArgs;
 use crate::commands;
 use crate::config::{self, BoardPorts, Configuration};
-use crate::failure::Failure;
+use crate::failure::{Failure, list};
 use crate::plan::{Plan, Premises};
 use crate::session::Session;
 use crate::terminal;
@@ -113,7 +113,8 @@ fn axes(session: &mut Session, arguments: &BenchArgs) -> Result<Vec<u8>, Failure
 /// Asks whether to arm, unless that is said already.
 fn ask(session: &mut Session, arguments: &BenchArgs, axes: &[u8]) -> Result<(), Failure> {
     let what = format!(
-        "bench arms axes {axes:?} and gives them {} rad/s, thrusters signal 0",
+        "bench arms axes {} and gives them {} rad/s, thrusters signal 0",
+        list(axes),
         arguments.velocity
     );
     terminal::agree(session, arguments.yes, &what)

@@ -1,12 +1,12 @@
 //! What a gateway would refuse of a configuration: asked of the gateway's own core, which runs here
 //! on a board like the one that it is for. It is asked row by row, so that all errors are found.
 
-use std::mem::discriminant;
+use std::mem::{discriminant, replace};
 
 use gateway::{AxisRules, Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort};
 use host_protocol::{
     AxisParameter, BootReason, BusKind, Change, Deframer, Error, Kind, MAX_FRAME, PROTOCOL_MAJOR,
-    PROTOCOL_MINOR, ProtocolSet, Quantity, Request, Subject, Value, requests,
+    PROTOCOL_MINOR, ProtocolSet, Quantity, Request, StopAction, Subject, Value, requests,
 };
 
 use super::file::{File, Source, parse};
@@ -142,7 +142,9 @@ impl Check<'_> {
         {
             self.finds(row, Some(MOTOR_TIMEOUT), &error);
         }
-        // One refusal may hide another: it is tried again without the parameter that was refused.
+        // One refusal may hide another: it is tried again without the parameter that was refused, or
+        // with a stop action that every motor has.
+        let mut stands_in = false;
         loop {
             let changes: Vec<Change> = values
                 .iter()
@@ -154,8 +156,17 @@ impl Check<'_> {
                 .collect();
             let Err(error) = self.core.change(&changes) else { return };
             let parameter = parameter_of(&error);
+            // Of the stop action that stands in for the one that was refused.
+            if stands_in && matches!(error, Error::BrakeStaysOpen { .. }) {
+                return;
+            }
             let key = parameter.map(|parameter| parameter.text().name).or(key_of(&error));
             self.finds(row, key, &error);
+            let coast = Value::Unsigned(StopAction::Coast.into());
+            if key == Some("stop_action") && !replace(&mut stands_in, true) {
+                values.insert(AxisParameter::StopAction, coast);
+                continue;
+            }
             let optional = parameter.filter(|parameter| !parameter.info().required);
             if optional.and_then(|parameter| values.remove(&parameter)).is_none() {
                 return;

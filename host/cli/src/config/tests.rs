@@ -387,3 +387,17 @@ fn the_schema_knows_every_key() {
     }
     assert_eq!(axis["additionalProperties"], false);
 }
+
+/// One refusal hides no other: not that of a stop action, which every axis needs.
+#[test]
+fn an_axis_whose_stop_action_is_refused_is_looked_at_further() {
+    let text = "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\", \"thruster\"]\n\n\
+                [[axis]]\naxis = 1\nbus = 0\nprotocol = \"thruster\"\nnode = 11\n\
+                stop_action = \"hold\"\nrelease_brake_when_arming = true\n\n\
+                [[axis]]\naxis = 3\nbus = 0\nprotocol = \"thruster\"\nnode = 11\n\
+                stop_action = \"coast\"\n";
+    let found = wrong(text).join("\n");
+    for said in ["line 11, axis 1", "line 12, axis 1: release_brake", "line 18, axis 3"] {
+        assert!(found.contains(said), "{said}: {found}");
+    }
+}

@@ -128,7 +128,9 @@ fn screen_frame<'a>(text: &'a [u8], origin: &mut Origin<'a>) -> Result<CanFrame,
     let (head, rest) = text.split_at_checked(open).ok_or(Unreadable::LINE)?;
     let close = rest.iter().position(|byte| *byte == b']').ok_or(Unreadable::LINE)?;
     let (length, data) = rest.split_at_checked(close).ok_or(Unreadable::LINE)?;
-    let data = data.get(1..).unwrap_or_default().trim_ascii();
+    // Behind the bytes `candump -a` prints them as text.
+    let data = data.get(1..).unwrap_or_default();
+    let data = data.split(|byte| *byte == b'\'').next().unwrap_or_default().trim_ascii();
     let mut words = words(head);
     let (first, second) = (words.next(), words.next());
     let digits = match (first, second) {

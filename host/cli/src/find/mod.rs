@@ -66,6 +66,21 @@ pub fn open_port(
     };
     match open(&port) {
         Ok(transport) => Ok((port, transport)),
+        Err(ConnectError::Serial { source, .. })
+            if is_name(&port) && source.kind() == io::ErrorKind::NotFound =>
+        {
+            let (candidates, others) = candidates(system_ports());
+            let there: Vec<String> =
+                candidates.into_iter().map(|one| one.port).chain(others).collect();
+            let there = if there.is_empty() { "none".to_owned() } else { there.join(", ") };
+            Err(Failure::Port {
+                name: "NoPort",
+                text: format!(
+                    "no gateway on USB or an ST-LINK is called {port}, and no serial port is. Serial \
+                        ports: {there}"
+                ),
+            })
+        }
         Err(error) => Err(refused::explain(error)),
     }
 }

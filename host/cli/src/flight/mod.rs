@@ -8,7 +8,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use flight_recorder::{Call, RecordedBoard, Recording, Replay};
-use gateway::{Board, BusPort, Event, LinkPort, MAX_SNAPSHOT, Outgoing};
+use gateway::{
+    Board, BusPort, Event, FlightReadError, LinkPort, MAX_SNAPSHOT, Outgoing, SaveError,
+};
 use host_protocol::messages::request_name;
 use host_protocol::{CanFrame, Deframer, Kind, Trip, TripReason};
 use serde_json::json;
@@ -204,10 +206,13 @@ fn tell_event(event: &Event<'_>, hosts: &mut [Deframer], mut tell: impl FnMut(St
         Event::EStopInput { open } => {
             tell(format!("e-stop input {}", if open { "open" } else { "closed" }));
         }
-        Event::Saved { result } => tell(format!("stored: {result:?}")),
+        Event::Saved { result: Ok(()) } => tell("what was to be stored is".to_owned()),
+        Event::Saved { result: Err(why) } => {
+            tell(format!("it was not stored: {}", not_stored(why)))
+        }
         Event::FlightRecord { result: Ok(_) } => tell("the flight recorder is read".to_owned()),
         Event::FlightRecord { result: Err(why) } => {
-            tell(format!("the flight recorder is not read: {why:?}"));
+            tell(format!("the flight recorder is not read: {}", not_read(why)));
         }
         Event::Tick => {}
     }
@@ -339,4 +344,20 @@ pub fn run(
     let recording = Recording::read_file(&bytes).map_err(|error| wrong(error.to_string()))?;
     Told::new(&recording).map_err(&wrong)?.print(around, out, wrong)?;
     sources.map_or(Ok(()), |sources| image::run(sources, file, out, wrong))
+}
+
+fn not_stored(why: SaveError) -> &'static str {
+    match why {
+        SaveError::Full => "it is too long",
+        SaveError::Failed => "the memory did not take it",
+        SaveError::Damaged => "the image is not what was announced",
+        SaveError::NotSigned => "the image lacks the signature of the key of the one that runs",
+    }
+}
+
+fn not_read(why: FlightReadError) -> &'static str {
+    match why {
+        FlightReadError::NoRecorder => "there is none",
+        FlightReadError::Recording => "it records, as an axis is armed",
+    }
 }

@@ -11,7 +11,7 @@ use host_protocol::{AxisParameter, BusKind, Protocol, RawFrame, Value};
 use super::settings::{Number, Values, has_next_id};
 use super::{Motor, Run, failed, lacks, refused};
 use crate::config;
-use crate::failure::Failure;
+use crate::failure::{Failure, list};
 use crate::frames;
 use crate::scan::Found;
 
@@ -200,9 +200,10 @@ fn rmd_id(run: &mut Run<'_>, old: u8, new: u8) -> Result<u8, Failure> {
             return Err(failed(
                 "NotAlone",
                 format!(
-                    "{}: 0x79 gives every RMD of the bus that id, and rmd {others:?} is there too. \
-                        Unplug all but one",
-                    motor.name()
+                    "{}: 0x79 gives every RMD of the bus that id, and rmd {} is there too. Unplug \
+                        all but one",
+                    motor.name(),
+                    list(&others)
                 ),
             ));
         }
@@ -219,8 +220,8 @@ fn rmd_id(run: &mut Run<'_>, old: u8, new: u8) -> Result<u8, Failure> {
     let mut what = warning(run, new);
     if !rows.is_empty() {
         what += &format!(
-            ". For that the axes of the bus, {rows:?}, are taken out of the configuration and put \
-                back"
+            ". For that the axes of the bus, {}, are taken out of the configuration and put back",
+            list(&rows)
         );
     }
     run.agree(&what)?;

@@ -158,9 +158,9 @@ fn a_file_is_checked_without_a_gateway() {
     assert_eq!(schema["properties"]["axis"]["items"]["required"][0], "axis");
 }
 
-/// Nothing of a file is made while one of its axes moves.
+/// An e-stop has stopped the axes, which are not at rest then.
 #[test]
-fn a_file_waits_until_its_axes_are_idle() {
+fn nothing_of_a_list_is_made_where_one_of_its_axes_is_not_at_rest() {
     let sim = Sim::patient();
     let before = sim.mgw(&["config", "dump"]).success();
     sim.mgw(&["estop"]).success();

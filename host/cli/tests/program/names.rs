@@ -128,7 +128,7 @@ fn a_wrong_name_is_answered_with_what_there_is() {
         ),
         (&["axis", "1", "name=all"], "is not `all` or `gateway`"),
         (&["bus", "1", "name=arm_bus"], "bus 0 has the name that bus 1 is given"),
-        (&["axis", "9", "name=far"], "axis 9 lacks bus; set it first"),
+        (&["axis", "9", "name=far"], "it has no bus"),
         (&["gateway", "name=seventeen-letters"], "the name of the gateway is 1 to 16 letters"),
     ] {
         let text = sim.mgw_once_in_command(&[&["config"], words].concat()).failure(1);

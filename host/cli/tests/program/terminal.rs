@@ -53,8 +53,21 @@ fn what_takes_longer_than_a_second_is_told_on_a_terminal_only() {
 fn every_shell_completes_every_command() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let script = mgw(&["completion", shell]).success();
-        assert!(script.contains("output-off") && script.contains("speed-limit"), "{shell}");
+        for command in commands() {
+            assert!(script.contains(&command), "{shell}: {command}");
+        }
+        assert!(script.contains("speed-limit"), "{shell}");
     }
+}
+
+/// The commands there are, as the refusal of another one lists them.
+fn commands() -> Vec<String> {
+    let refused = mgw(&["man", "fly"]).failure(2);
+    let (_, list) = refused.split_once("There are: ").expect("a list");
+    let list = list.split(['.', '[', '\n']).next().unwrap_or_default();
+    let commands: Vec<String> = list.split(", ").map(|name| name.trim().to_owned()).collect();
+    assert!(commands.len() > 30, "{commands:?}");
+    commands
 }
 
 #[test]
@@ -68,7 +81,10 @@ fn the_manual_has_a_page_for_each_command() {
     std::fs::create_dir(&dir).unwrap();
     mgw(&["man", "--dir", &dir]).success();
     let has_page = |name: &str| Path::new(&dir).join(name).is_file();
-    assert!(["mgw.1", "mgw-set.1", "mgw-raw-listen.1"].into_iter().all(has_page));
+    assert!(["mgw.1", "mgw-raw-listen.1"].into_iter().all(has_page));
+    for command in commands().iter().filter(|command| *command != "help") {
+        assert!(has_page(&format!("mgw-{command}.1")), "{command}");
+    }
 }
 
 #[test]
