@@ -95,7 +95,7 @@ pub(crate) struct Axes {
     used: Set,
     /// Those that may have changed since they were copied, when all are settled.
     #[serde(skip)]
-    stale: Set,
+    pub stale: Set,
     #[serde(skip)]
     kept: Kept,
     /// None of them is due before this.
@@ -293,11 +293,6 @@ impl Axes {
     /// What a snapshot has of an axis: nothing of one that is still as it was made.
     pub fn used(&self, index: usize) -> Option<&Axis> {
         if Set::of(index).without(self.used).is_empty() { self.axes.get(index) } else { None }
-    }
-
-    /// Those that may have changed since they were copied.
-    pub fn stale(&mut self) -> &mut Set {
-        &mut self.stale
     }
 
     /// A copy begins: all that a snapshot has something of.

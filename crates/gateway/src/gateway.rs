@@ -494,17 +494,13 @@ impl Gateway {
 
     pub(crate) fn bus(&self, bus: u8) -> Result<&Bus, Error> {
         let found = self.buses.get(usize::from(bus));
-        found.map(|bus| &**bus).ok_or_else(|| self.unknown_bus(bus))
+        found.map(|bus| &**bus).ok_or_else(|| unknown_bus(&self.buses, bus))
     }
 
     pub(crate) fn bus_mut(&mut self, bus: u8) -> Result<&mut Bus, Error> {
-        let unknown = self.unknown_bus(bus);
+        let unknown = unknown_bus(&self.buses, bus);
         self.touch_buses(Set::of(bus));
         self.buses.get_mut(usize::from(bus)).map(|bus| &mut **bus).ok_or(unknown)
-    }
-
-    pub(crate) fn unknown_bus(&self, bus: u8) -> Error {
-        unknown_bus(&self.buses, bus)
     }
 
     /// Calls `act` with an axis and the way to the hosts.

@@ -16,7 +16,7 @@ impl Gateway {
     /// A copy begins: nothing has been copied.
     pub fn begin_copy(&mut self) {
         self.axes.all_stale();
-        *self.links.stale() = (0..self.links.len()).collect();
+        self.links.stale = (0..self.links.len()).collect();
         self.tracked().for_each(|(_, is_stale)| *is_stale = true);
     }
 
@@ -24,20 +24,20 @@ impl Gateway {
     /// other, when [`next_deadline`](Self::next_deadline) has worked out what they have; `None`
     /// where there are none, and [those that each call changes](Part::LAST) complete the copy.
     pub fn next_to_copy(&mut self) -> Option<Range<usize>> {
-        if let Some(axis) = take_one(self.axes.stale()) {
+        if let Some(axis) = take_one(&mut self.axes.stale) {
             return Some(Part::of_axis(axis));
         }
         if let Some((parts, is_stale)) = self.tracked().find(|(_, is_stale)| **is_stale) {
             *is_stale = false;
             return Some(parts);
         }
-        take_one(self.links.stale()).map(Part::of_link)
+        take_one(&mut self.links.stale).map(Part::of_link)
     }
 
     /// Whether there are any.
     pub fn has_more_to_copy(&mut self) -> bool {
-        !self.axes.stale().is_empty()
-            || !self.links.stale().is_empty()
+        !self.axes.stale.is_empty()
+            || !self.links.stale.is_empty()
             || self.tracked().any(|(_, is_stale)| *is_stale)
     }
 
@@ -46,7 +46,7 @@ impl Gateway {
         let Self { buses, links, history, draft, stored, image, names, .. } = self;
         let buses = (Part::BUSES..).map(Part::alone).zip(buses.iter_mut().map(Tracked::stale));
         buses.chain([
-            (Part::OF_RING, links.ring_stale()),
+            (Part::OF_RING, &mut links.is_ring_stale),
             (Part::OF_HISTORY, history.stale()),
             (Part::OF_DRAFT, draft.stale()),
             (Part::alone(Part::STORED), stored.stale()),

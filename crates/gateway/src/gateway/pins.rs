@@ -64,7 +64,7 @@ impl Gateway {
             e_stop_input_open: self.board.e_stop_input.then_some(self.e_stop_input_open),
             enable_output: self.board.enable_output.then_some(self.enabled),
             random_number: self.epoch.is_some(),
-            memory_damaged: self.memory_is_damaged(),
+            memory_damaged: self.retention.is_damaged,
             bus_limit: self.board.bus_limit,
         }
     }

@@ -69,8 +69,8 @@ pub(crate) struct Retention {
     pub is_complete: bool,
     /// What the memory is: unknown before it is restored or written.
     memory: Memory,
-    /// A word of what a reset should have left alone has changed.
-    is_damaged: bool,
+    /// A word of what a reset should have left alone had changed at this start.
+    pub is_damaged: bool,
     /// Places of the history that hold nothing readable.
     lost_incidents: Set,
     /// Axes and buses of which nothing readable was left, and that nobody has configured since.
@@ -384,11 +384,6 @@ impl Gateway {
         self.measure_configuration();
         self.stop_after_reset(now, states);
         self.remember_trips();
-    }
-
-    /// Whether a word that a reset should have left alone had changed at this start.
-    pub(crate) fn memory_is_damaged(&self) -> bool {
-        self.retention.is_damaged
     }
 
     fn restore_buses(&mut self, now: Instant, words: &[u32]) {

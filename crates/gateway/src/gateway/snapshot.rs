@@ -125,7 +125,7 @@ impl Serialize for Part<'_> {
                 Some(bus) => bus.serialize(to),
                 None => to.serialize_unit(),
             },
-            index @ Part::RING..LINKS_HEAD => links.ring_piece(index - Part::RING, to),
+            index @ Part::RING..LINKS_HEAD => links.ring.piece(index - Part::RING, to),
             LINKS_HEAD => links.head().serialize(to),
             index @ Part::LINKS..Part::HISTORY => {
                 match links.get((index - Part::LINKS) / Link::PIECES) {

@@ -10,7 +10,7 @@ use core::mem::take;
 use core::ops::Deref;
 use heapless::Vec;
 use host_protocol::{Error, Event, MAX_FRAME, Reply, Request};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 /// The host links, and the log, which hears what they all hear.
 ///
@@ -21,13 +21,13 @@ use serde::{Deserialize, Serialize, Serializer};
 pub(crate) struct Links {
     /// Those that may have changed since they were copied.
     #[serde(skip)]
-    stale: Set,
+    pub stale: Set,
     /// What happened.
-    ring: Ring,
+    pub ring: Ring,
     /// That may have changed since it was copied. (In a [`Tracked`](crate::tracked::Tracked) it would
     /// pass over the stack when it is made.)
     #[serde(skip)]
-    is_ring_stale: bool,
+    pub is_ring_stale: bool,
     /// How far the log has been told.
     told: Cursor,
     /// The link that is in command, as the log knows it.
@@ -103,21 +103,6 @@ impl Links {
 
     /// Into how many pieces it divides what it has before that.
     pub const RING_PIECES: usize = Ring::PIECES;
-
-    /// One of them.
-    pub fn ring_piece<S: Serializer>(&self, piece: usize, to: S) -> Result<S::Ok, S::Error> {
-        self.ring.piece(piece, to)
-    }
-
-    /// Whether that may have changed since it was copied.
-    pub fn ring_stale(&mut self) -> &mut bool {
-        &mut self.is_ring_stale
-    }
-
-    /// Those that may have changed since they were copied.
-    pub fn stale(&mut self) -> &mut Set {
-        &mut self.stale
-    }
 
     /// When [`Link::tick`] is due for the first of them; [`Instant::NEVER`] where it is for none.
     pub fn due(&mut self) -> Instant {

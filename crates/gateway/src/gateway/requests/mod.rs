@@ -467,8 +467,7 @@ impl Gateway {
         kind: JobKind,
         ticket: Ticket,
     ) -> Result<()> {
-        self.with_axis(now, axis, |axis, out| axis.start(now, kind, ticket, out))?;
-        Ok(())
+        self.with_axis(now, axis, |axis, out| axis.start(now, kind, ticket, out))
     }
 
     /// Authority lost by silence: what moves trips, what is armed is disarmed.

@@ -167,7 +167,10 @@ impl Gateway {
         }
         if !together.executes {
             if self.axes.of(together.all()).all(Axis::has_taken_part) {
-                self.execute_together(now, together);
+                // All is prepared: the first of the axes sends what starts them.
+                self.together = Some(Together { executes: true, ..together });
+                let leader = together.members.lowest();
+                self.each_axis(now, leader, |axis, out| axis.lead(now, together.expires, out));
             }
             return;
         }
@@ -184,13 +187,6 @@ impl Gateway {
             let reply = Reply::StartTogether(replies::Done {});
             self.outbox(now).answer(together.ticket, Ok(&reply));
         }
-    }
-
-    /// All is prepared: the first of the axes sends what starts them.
-    fn execute_together(&mut self, now: Instant, together: Together) {
-        self.together = Some(Together { executes: true, ..together });
-        let leader = together.members.lowest();
-        self.each_axis(now, leader, |axis, out| axis.lead(now, together.expires, out));
     }
 
     /// Stops every axis in whose motor a speed may wait.
