@@ -9,7 +9,6 @@ mod events;
 mod links;
 mod replies;
 mod ring;
-mod snapshot;
 mod subscription;
 #[cfg(test)]
 #[path = "../../tests/unit/link.rs"]
@@ -26,7 +25,7 @@ use host_protocol::{
     StateFields, class, requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize, Serializer};
 use subscription::Subscription;
 
 /// A host that has sent nothing valid for so long is told no samples any more, and its link runs at
@@ -231,6 +230,19 @@ impl Link {
             self.baud.replies_have_left();
         }
         reply.or_else(|| self.events.poll_transmit(ring, out))
+    }
+
+    /// Into how many pieces a snapshot divides a link.
+    pub(crate) const PIECES: usize = Replies::PIECES + 2;
+
+    /// One of them. All, one behind the other, are what its `Deserialize` reads.
+    pub(crate) fn piece<S: Serializer>(&self, piece: usize, to: S) -> Result<S::Ok, S::Error> {
+        let Self { deframer, replies, events, last_valid_us, subscription, baud } = self;
+        let Some(behind) = piece.checked_sub(1) else { return deframer.serialize(to) };
+        match replies.piece(behind) {
+            Some(reply) => reply.serialize(to),
+            None => (replies.rest(), events, last_valid_us, subscription, baud).serialize(to),
+        }
     }
 
     /// Writes what can influence the link from now on (see `Gateway::write_state`).
