@@ -1,7 +1,7 @@
 //! Gateway time: microseconds since start, given to the core with every call.
 
 use core::num::NonZeroU64;
-use core::ops::{Add, AddAssign, Sub};
+use core::ops::{Add, Sub};
 use serde::{Deserialize, Serialize};
 
 /// A point in gateway time, in microseconds since the gateway started.
@@ -140,12 +140,6 @@ impl Sub<Duration> for Instant {
     type Output = Self;
     fn sub(self, span: Duration) -> Self {
         Self::from_micros(self.as_micros().saturating_sub(span.0))
-    }
-}
-
-impl AddAssign<Duration> for Instant {
-    fn add_assign(&mut self, span: Duration) {
-        *self = *self + span;
     }
 }
 
