@@ -6,7 +6,9 @@ use crate::bus_rules::check_bus_config;
 use crate::gateway::Gateway;
 use crate::protocol;
 use crate::time::Instant;
-use host_protocol::{BusConfig, BusKind, BusMode, Error, Quantity, RawFrame, requests};
+use host_protocol::{
+    BusConfig, BusKind, BusMode, Error, MAX_SERIAL_FRAME, Quantity, RawFrame, requests,
+};
 
 impl Gateway {
     pub(crate) fn raw_open(&mut self, now: Instant, request: requests::RawOpen) -> Result<()> {
@@ -44,17 +46,10 @@ impl Gateway {
         }
         let harmless = match (&request.frame, kind) {
             (RawFrame::Can(frame), BusKind::Can) => protocol::is_harmless_on_can(frame, protocols),
-            (RawFrame::Serial(bytes), BusKind::Rs485) if bytes.is_empty() => {
-                #[allow(clippy::cast_precision_loss)]
-                let max = host_protocol::MAX_SERIAL_FRAME as f32;
-                return Err(Error::OutOfRange {
-                    quantity: Quantity::FrameLength,
-                    value: 0.0,
-                    min: 1.0,
-                    max,
-                });
-            }
             (RawFrame::Serial(bytes), BusKind::Rs485) => {
+                let count = |bytes: usize| u32::try_from(bytes).unwrap_or(u32::MAX);
+                let most = count(MAX_SERIAL_FRAME);
+                Quantity::FrameLength.check(count(bytes.len()), (1, most))?;
                 protocol::is_harmless_on_serial(bytes, protocols)
             }
             _ => return Err(Error::WrongBusKind { bus: index, kind }),
