@@ -15,8 +15,8 @@ use crate::time::Instant;
 use crate::{MAX_AXES, MAX_BUSES};
 use core::ops::Range;
 use host_protocol::{
-    AxisParameter, CHECKSUM, Change, Error, GatewayParameter, MAX_NAME, Reply, Request,
-    StoredState, Subject, class, replies,
+    AxisParameter, CHECKSUM, Change, Error, GatewayParameter, MAX_NAME, Reply, StoredState,
+    Subject, replies,
 };
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
@@ -94,7 +94,7 @@ impl Gateway {
     /// has taken, is taken over too.
     ///
     /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
-    /// [`ReadStored`](Request::ReadStored) says so.
+    /// [`ReadStored`](host_protocol::Request::ReadStored) says so.
     pub fn load(&mut self, now: Instant, words: &[u32], found: Found, next: NextRow<'_>) {
         self.measure_configuration();
         self.stored.state = State::Found(found);
@@ -285,12 +285,6 @@ impl Gateway {
 
     /// While something is stored the configuration stays as it is, and nothing begins to move: the
     /// flash may hold the processor up.
-    pub(crate) fn refuse_while_saving(&self, request: &Request) -> Result<()> {
-        let is_refused = self.stored.is_saving() && request.is(class::BEGINS | class::CHANGES);
-        if is_refused { Err(Error::Saving {}) } else { Ok(()) }
-    }
-
-    /// The same of what is one of those requests by its bytes.
     pub(crate) fn refuse_saving(&self) -> Result<()> {
         if self.stored.is_saving() { Err(Error::Saving {}) } else { Ok(()) }
     }

@@ -66,7 +66,9 @@ impl Gateway {
         }
         // What is refused whoever asks takes no authority.
         self.refuse_for_image(request)?;
-        self.refuse_while_saving(request)?;
+        if self.stored.is_saving() && request.is(class::BEGINS | class::CHANGES) {
+            return Err(Error::Saving {});
+        }
         if commands {
             self.authority.take(now, ticket)?;
         }
