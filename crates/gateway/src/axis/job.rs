@@ -201,6 +201,14 @@ impl Axis {
         self.job_kind().is_some_and(|kind| !kind.only_asks())
     }
 
+    /// Refuses what such a job keeps from beginning.
+    pub fn refuse_busy(&self) -> Result<(), Error> {
+        match self.is_busy_with_more_than_a_question() {
+            true => Err(Error::Busy { axis: self.index }),
+            false => Ok(()),
+        }
+    }
+
     /// Whether the axis is being armed in this epoch.
     pub fn is_arming_in(&self, epoch: u32) -> bool {
         matches!(self.job_kind(), Some(JobKind::Arm { epoch: of, .. }) if of == epoch)

@@ -270,9 +270,7 @@ impl Gateway {
     /// The flash may hold the processor up: nothing is written while anything may move.
     pub(crate) fn check_at_rest(&self) -> Result<()> {
         for axis in self.axes.iter().filter(|axis| axis.is_configured()) {
-            if axis.is_busy_with_more_than_a_question() {
-                return Err(Error::Busy { axis: axis.index });
-            }
+            axis.refuse_busy()?;
             if !axis.is_idle_or_holding() || axis.is_kept_holding() {
                 return Err(Error::NotIdle { axis: axis.index, state: axis.state() });
             }

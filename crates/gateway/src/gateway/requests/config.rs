@@ -166,9 +166,7 @@ impl Gateway {
     /// Refuses another configuration of an axis while it is in use.
     fn check_state(&self, axis: &Axis, config: &AxisConfig) -> Result<()> {
         let index = axis.index;
-        if axis.is_busy_with_more_than_a_question() {
-            return Err(Error::Busy { axis: index });
-        }
+        axis.refuse_busy()?;
         if !axis.is_at_rest() {
             return Err(Error::NotIdle { axis: index, state: axis.state() });
         }

@@ -301,8 +301,7 @@ impl Gateway {
         }
         // A motor timeout programmed since may ask for a faster refresh than the configuration did.
         self.check_axis_load(index)?;
-        let is_busy = axis.is_busy_with_more_than_a_question();
-        if is_busy { Err(Error::Busy { axis: index }) } else { Ok(()) }
+        axis.refuse_busy()
     }
 
     fn clear(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {

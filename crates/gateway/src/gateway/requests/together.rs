@@ -99,9 +99,7 @@ impl Gateway {
             if !protocol::answers_stops(&axis.config) {
                 return Err(Error::CannotConfirm { axis: index });
             }
-            if axis.is_busy_with_more_than_a_question() {
-                return Err(Error::Busy { axis: index });
-            }
+            axis.refuse_busy()?;
             rules::command(
                 index,
                 Setpoint::Velocity { velocity_rad_s: member.velocity_rad_s },
@@ -133,9 +131,7 @@ impl Gateway {
                 AxisState::Unconfigured => return Err(axis.not_configured()),
                 state => return Err(Error::NotIdle { axis: index, state }),
             }
-            if axis.is_busy_with_more_than_a_question() {
-                return Err(Error::Busy { axis: index });
-            }
+            axis.refuse_busy()?;
             together.others.add(Set::of(axis.index));
         }
         for member in members {
