@@ -100,12 +100,10 @@ impl Gateway {
 
     pub(crate) fn image_report(&self, now: Instant) -> replies::ImageReport {
         let Images { version, room, needs_signature, found } = self.image.images;
-        let state = match (found, self.image.trial_ends) {
-            (FoundImage::OnTrial, Some(end)) => {
-                ImageState::OnTrial { left_ms: end.since(now).as_micros_u32() / 1_000 }
-            }
-            (FoundImage::RolledBack, _) => ImageState::RolledBack,
-            _ => ImageState::Kept,
+        let state = match self.image.trial_ends {
+            Some(end) => ImageState::OnTrial { left_ms: end.since(now).as_micros_u32() / 1_000 },
+            None if found == FoundImage::RolledBack => ImageState::RolledBack,
+            None => ImageState::Kept,
         };
         replies::ImageReport { version, room, needs_signature, state }
     }
@@ -195,7 +193,6 @@ impl Gateway {
             }
             (ImageJob::Confirm, Ok(())) => {
                 self.image.trial_ends = None;
-                self.image.images.found = FoundImage::Kept;
                 Ok(Reply::ConfirmImage(done))
             }
             (job, Err(error)) => {
