@@ -26,8 +26,7 @@ pub(crate) struct Together {
     members: Set,
     /// Those of the bus that must not.
     others: Set,
-    /// The low 32 bits of the time at which the permission to move ends, and that time.
-    expires_at_us: u32,
+    /// When the permission of all of them to move ends, where it does.
     expires: Option<Instant>,
     /// The frame that starts them is under way: it is the motion of the first of them.
     executes: bool,
@@ -72,7 +71,6 @@ impl Gateway {
             ticket,
             members: Set::NONE,
             others: Set::NONE,
-            expires_at_us: *expires_at_us,
             expires: None,
             executes: false,
         };
@@ -106,7 +104,7 @@ impl Gateway {
                 &axis.config,
             )?;
             together.members.add(Set::of(index));
-            together.expires = together.expires.into_iter().chain(expires).min();
+            together.expires = together.expires.or(expires);
         }
         let bus = self.bus(bus_index)?;
         if bus.is_off() {
@@ -157,8 +155,8 @@ impl Gateway {
             // An axis that does not any more has said why.
             return self.give_up_together(now, None);
         }
-        if together.expires.is_some_and(|at| at <= now) {
-            let (now_us, expires_at_us) = (now.low_bits(), together.expires_at_us);
+        if let Some(expired) = together.expires.filter(|at| *at <= now) {
+            let (now_us, expires_at_us) = (now.low_bits(), expired.low_bits());
             return self.give_up_together(now, Some(Error::Stale { now_us, expires_at_us }));
         }
         if !together.executes {
