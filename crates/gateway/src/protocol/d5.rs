@@ -107,18 +107,6 @@ pub(super) static INFO: Info = Info {
         // No reply to all is printed (quick start (4)).
         _ => false,
     },
-    judge,
-    observe: |received, config| match received {
-        Received::D5 { reply, .. } => observe(reply, config.sign()),
-        _ => Observation::default(),
-    },
-    // Table row 5.
-    unasked: |received| match received {
-        Received::D5 { reply: Reply::Error { error: MotorError::Id, .. }, .. } => {
-            Unasked::Objection
-        }
-        _ => Unasked::Late,
-    },
     to_can,
     from_can: |frame| {
         let (node, reply) = can::decode_reply(frame).ok()?;
@@ -346,16 +334,15 @@ fn is_answered(request: &Request, config: &AxisConfig) -> bool {
         || matches!(sets(request), Sets::AckLevel(_))
 }
 
-fn judge(
+pub(super) fn judge(
     command: &Command,
-    received: &Received,
+    from: u8,
+    reply: &Reply,
     config: &AxisConfig,
     seen: &mut Observation,
 ) -> Option<Outcome> {
-    let (Command::D5(request), Received::D5 { node: from, reply }) = (command, received) else {
-        return None;
-    };
-    let (node, from) = (Node::new(config.node()?).ok()?, Node::new(*from).ok()?);
+    let Command::D5(request) = command else { return None };
+    let (node, from) = (Node::new(config.node()?).ok()?, Node::new(from).ok()?);
     match d5::answer(request, node, from, reply) {
         Answer::Reply(reply) => {
             *seen = observe(&reply, config.sign());
@@ -366,7 +353,15 @@ fn judge(
     }
 }
 
-fn observe(reply: &Reply, sign: f32) -> Observation {
+/// What a reply is that answers nothing (table row 5).
+pub(super) fn unasked(reply: &Reply) -> Unasked {
+    match reply {
+        Reply::Error { error: MotorError::Id, .. } => Unasked::Objection,
+        _ => Unasked::Late,
+    }
+}
+
+pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
     let mut seen = Observation::default();
     let Reply::Read { register, value } = *reply else { return seen };
     match (register, value) {

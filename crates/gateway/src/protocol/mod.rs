@@ -193,12 +193,6 @@ pub(crate) struct Info {
     pub native: fn(u8, &[u8], &AxisConfig) -> Found<Native>,
     /// Whether the motor answers a command.
     pub is_answered: fn(&Command, &AxisConfig) -> bool,
-    /// How a frame ends a command, and what its answer tells; `None` where it does not.
-    pub judge: fn(&Command, &Received, &AxisConfig, &mut Observation) -> Option<Outcome>,
-    /// What a frame tells by itself, whatever was asked.
-    pub observe: fn(&Received, &AxisConfig) -> Observation,
-    /// What a frame is that answers nothing.
-    pub unasked: fn(&Received) -> Unasked,
     /// A command to a node as a CAN frame, and a CAN frame as a reply.
     pub to_can: fn(&Command, u8, &AxisConfig) -> Option<CanFrame>,
     pub from_can: fn(&CanFrame) -> Option<Received>,
@@ -258,12 +252,20 @@ impl Received {
 
     /// What it is if it answers nothing.
     pub fn unasked(&self) -> Unasked {
-        (Info::of(self.protocol()).unasked)(self)
+        match self {
+            Self::Rmd { reply, .. } => rmd::unasked(reply),
+            Self::Thruster { reply, .. } => thruster::unasked(reply),
+            Self::D5 { reply, .. } => d5::unasked(reply),
+        }
     }
 
     /// What it tells by itself, whatever was asked.
     pub fn observation(&self, config: &AxisConfig) -> Observation {
-        (Info::of(self.protocol()).observe)(self, config)
+        match self {
+            Self::Rmd { reply, .. } => rmd::observe(reply, config),
+            Self::Thruster { reply, .. } => thruster::observe(reply, config.sign()),
+            Self::D5 { reply, .. } => d5::observe(reply, config.sign()),
+        }
     }
 }
 
@@ -436,7 +438,11 @@ pub(crate) fn judge(
     config: &AxisConfig,
     seen: &mut Observation,
 ) -> Option<Outcome> {
-    (Info::of(received.protocol()).judge)(command, received, config, seen)
+    match received {
+        Received::Rmd { reply, .. } => rmd::judge(command, reply, config, seen),
+        Received::Thruster { reply, .. } => thruster::judge(command, reply, config, seen),
+        Received::D5 { node, reply } => d5::judge(command, *node, reply, config, seen),
+    }
 }
 
 /// The command as a CAN frame to the axis's motor.

@@ -132,19 +132,6 @@ pub(super) static INFO: Info = Info {
     at,
     native,
     is_answered: |command, _| request_of(command).is_some_and(|request| request.is_answered()),
-    judge,
-    observe: |received, config| match received {
-        Received::Rmd { reply, .. } => observe(reply, config),
-        _ => Observation::default(),
-    },
-    unasked: |received| match received {
-        // 0x9A comes every 100 ms while a fault lasts, where the motor is set so (PROTOCOL-NOTES
-        // R16).
-        Received::Rmd { reply: Reply::TimeoutNotice { .. } | Reply::Status1 { .. }, .. } => {
-            Unasked::Notice
-        }
-        _ => Unasked::Late,
-    },
     to_can: |command, node, _| can::request(Node::new(node).ok()?, &request_of(command)?).ok(),
     from_can: |frame| {
         let (node, reply) = can::decode_reply_in(TOLD_BY_FORM, frame).ok()?;
@@ -538,25 +525,22 @@ pub(crate) fn slow_reply(command: &Command) -> Option<Duration> {
 
 /// What a frame is to a read whose answer tells the dialect: an older motor passes its index over,
 /// so the form counts, not the index alone.
-fn judge_probe(place: u8, received: &Received, seen: &mut Observation) -> Option<Outcome> {
-    let Received::Rmd { reply, .. } = received else { return None };
+fn judge_probe(place: u8, reply: &Reply, seen: &mut Observation) -> Option<Outcome> {
     let dialects = rmd::tells(PROBES.get(usize::from(place))?, &reply.encode().ok()?)?;
     seen.versions = Versions::of_bits(dialects.bits());
     Some(Outcome::Answered)
 }
 
-fn judge(
+pub(super) fn judge(
     command: &Command,
-    received: &Received,
+    reply: &Reply,
     config: &AxisConfig,
     seen: &mut Observation,
 ) -> Option<Outcome> {
     if let Command::RmdProbe(place) = command {
-        return judge_probe(*place, received, seen);
+        return judge_probe(*place, reply, seen);
     }
-    let (Command::Rmd(request), Received::Rmd { reply, .. }) = (command, received) else {
-        return None;
-    };
+    let Command::Rmd(request) = command else { return None };
     match rmd::answer(request, reply) {
         Answer::Reply(
             Reply::TorqueCurrent { motion }
@@ -586,7 +570,16 @@ fn may_be_thrown_back(request: &Request, reply: &Reply, motion: Motion) -> bool 
     cold == Motion::default() && is_like_request()
 }
 
-fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
+/// What a reply is that answers nothing. 0x9A comes every 100 ms while a fault lasts, where the motor
+/// is set so (PROTOCOL-NOTES R16).
+pub(super) fn unasked(reply: &Reply) -> Unasked {
+    match reply {
+        Reply::TimeoutNotice { .. } | Reply::Status1 { .. } => Unasked::Notice,
+        _ => Unasked::Late,
+    }
+}
+
+pub(super) fn observe(reply: &Reply, config: &AxisConfig) -> Observation {
     let mut seen = Observation::default();
     let sign = config.sign();
     match reply {

@@ -91,12 +91,6 @@ pub(super) static INFO: Info = Info {
     at,
     native,
     is_answered: |_, _| true,
-    judge,
-    observe: |received, config| match received {
-        Received::Thruster { reply, .. } => observe(reply, config.sign()),
-        _ => Observation::default(),
-    },
-    unasked,
     to_can: |command, node, _| match command {
         Command::Thruster(request) => can::request(Node::new(node).ok()?, request).ok(),
         _ => None,
@@ -368,15 +362,13 @@ pub(super) fn are_answered_alike(one: &Command, other: &Command, config: &AxisCo
     }
 }
 
-fn judge(
+pub(super) fn judge(
     command: &Command,
-    received: &Received,
+    reply: &Reply,
     config: &AxisConfig,
     seen: &mut Observation,
 ) -> Option<Outcome> {
-    let (Command::Thruster(request), Received::Thruster { reply, .. }) = (command, received) else {
-        return None;
-    };
+    let Command::Thruster(request) = command else { return None };
     let mode = ReturnMode::of(config);
     match thruster::answer(request, reply) {
         // Which value it acknowledges it does not say (T22).
@@ -406,8 +398,7 @@ fn judge(
 
 /// The kinds of frames that come unasked: three of SR and VM, and speed and current of ML and MM
 /// (§2.1, §2.4, §2.5).
-fn unasked(received: &Received) -> Unasked {
-    let Received::Thruster { reply, .. } = received else { return Unasked::Late };
+pub(super) fn unasked(reply: &Reply) -> Unasked {
     match reply {
         Reply::Returned(returned) => match returned.frame.number().checked_sub(1) {
             Some(kind) => Unasked::Telemetry(kind),
@@ -419,7 +410,7 @@ fn unasked(received: &Received) -> Unasked {
     }
 }
 
-fn observe(reply: &Reply, sign: f32) -> Observation {
+pub(super) fn observe(reply: &Reply, sign: f32) -> Observation {
     let mut seen = Observation::default();
     match reply {
         Reply::MeasuredSpeed { speed } => seen.velocity_rad_s = Some(sign * RPM.to_si(speed.0)),
