@@ -407,7 +407,9 @@ impl Gateway {
         loop {
             let (axis, fields) = link.next_sample()?;
             if let Some(axis) = axes.get(usize::from(axis)) {
-                return link.sample(now.as_micros(), &axis.sample(*now, fields), out);
+                let (event, now_us) = (axis.sample(*now, fields), now.as_micros());
+                return link
+                    .write(|sequence, lost| event.encode_frame(sequence, lost, now_us, out));
             }
         }
     }

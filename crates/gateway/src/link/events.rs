@@ -3,7 +3,7 @@
 use core::mem::take;
 
 use super::ring::{Cursor, Ring};
-use host_protocol::{CycleEvent, Event, FrameError, MAX_FRAME};
+use host_protocol::{EncodeError, Event, FrameError, MAX_FRAME};
 use serde::{Deserialize, Serialize};
 
 /// Reasons of [`FrameError`], numbered from 1 without gaps.
@@ -87,39 +87,21 @@ impl Events {
         }
         if let Some((time_us, event, lost)) = ring.next_event(&mut self.next) {
             self.count_dropped(lost);
-            return self.write(time_us, event, out);
+            return self.write(|sequence, lost| event.encode_frame(sequence, lost, time_us, out));
         }
         let (time_us, event) = self.next_tally()?;
-        self.write(time_us, &event, out)
+        self.write(|sequence, lost| event.encode_frame(sequence, lost, time_us, out))
     }
 
-    /// Writes an event, one of the ring or any other.
+    /// Has the next event written, one of the ring or any other, with its sequence and how many were
+    /// lost before it.
     pub fn write(
         &mut self,
-        time_us: u64,
-        event: &Event,
-        out: &mut [u8; MAX_FRAME],
+        encode: impl FnOnce(u16, u32) -> Result<usize, EncodeError>,
     ) -> Option<usize> {
-        let (sequence, dropped) = self.next_numbers();
-        event.encode_frame(sequence, dropped, time_us, out).ok()
-    }
-
-    /// Writes what is told of a period of the cycle.
-    pub fn write_cycle(
-        &mut self,
-        time_us: u64,
-        event: &CycleEvent,
-        out: &mut [u8; MAX_FRAME],
-    ) -> Option<usize> {
-        let (sequence, dropped) = self.next_numbers();
-        event.encode_frame(sequence, dropped, time_us, out).ok()
-    }
-
-    /// Those of the next event: its sequence, and how many were lost before it.
-    fn next_numbers(&mut self) -> (u16, u32) {
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
-        (sequence, take(&mut self.dropped))
+        encode(sequence, take(&mut self.dropped)).ok()
     }
 
     pub fn has_output(&self, ring: &Ring) -> bool {

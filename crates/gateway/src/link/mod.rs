@@ -21,7 +21,7 @@ use ring::{Cursor, Ring};
 use baud::Baud;
 use events::Events;
 use host_protocol::{
-    CycleEvent, Deframer, Error, Event, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request,
+    Deframer, EncodeError, Error, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request,
     StateFields, class, requests::Hello, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
@@ -188,7 +188,7 @@ impl Link {
         Some(baud.map_or(at, |baud| baud.min(at)))
     }
 
-    /// The next axis to tell of, and what of it. To be followed by [`sample`](Self::sample).
+    /// The next axis to tell of, and what of it, which is then to be [written](Self::write).
     pub fn next_sample(&mut self) -> Option<(u8, StateFields)> {
         if !self.events.is_open() {
             return None;
@@ -198,24 +198,13 @@ impl Link {
         Some((axis, fields))
     }
 
-    /// Writes a sample to `out` and returns its length.
-    pub fn sample(
+    /// Has an event of this link alone written, a sample or a period of the cycle, with its sequence
+    /// and how many were lost before it. Returns its length.
+    pub fn write(
         &mut self,
-        now_us: u64,
-        event: &Event,
-        out: &mut [u8; MAX_FRAME],
+        encode: impl FnOnce(u16, u32) -> Result<usize, EncodeError>,
     ) -> Option<usize> {
-        self.events.write(now_us, event, out)
-    }
-
-    /// Writes what is told of a period of the cycle to `out` and returns its length.
-    pub fn cycle_event(
-        &mut self,
-        now_us: u64,
-        event: &CycleEvent,
-        out: &mut [u8; MAX_FRAME],
-    ) -> Option<usize> {
-        self.events.is_open().then(|| self.events.write_cycle(now_us, event, out)).flatten()
+        self.events.is_open().then(|| self.events.write(encode)).flatten()
     }
 
     /// Writes the next frame for the host to `out` and returns its length: replies first, then

@@ -5,7 +5,7 @@ extern crate std;
 use std::vec::Vec;
 
 use host_protocol::{
-    BootReason, Bytes, CanFrame, EventMessage, RawFrame, StopTarget, Text,
+    BootReason, Bytes, CanFrame, Event, EventMessage, RawFrame, StopTarget, Text,
     replies::{Done, HelloReply, Pong},
     requests::{Arm, Disarm, EStop, Hello, Ping, RawSend, Stop},
 };

@@ -204,6 +204,8 @@ impl Gateway {
             event.slow = slow.map(|axis| axis.slow_state(now, running.fields));
             running.slow_axis = slow.map_or(u8::MAX, |axis| axis.index);
         }
-        links.get_mut(link)?.cycle_event(now.as_micros(), &event, out)
+        let now_us = now.as_micros();
+        let link = links.get_mut(link)?;
+        link.write(|sequence, lost| event.encode_frame(sequence, lost, now_us, out))
     }
 }
