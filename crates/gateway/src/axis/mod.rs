@@ -30,7 +30,6 @@ pub(crate) use look::{Is, Look};
 pub use part::PERIOD_US;
 pub(crate) use part::Waits;
 pub(crate) use polls::{Priority, Request};
-pub(crate) use setpoint::{NativeMotion, Permit};
 pub(crate) use stop::Stop;
 
 use crate::config::AxisConfig;

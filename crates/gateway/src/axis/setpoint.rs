@@ -3,29 +3,12 @@
 use super::state::{Armed, State};
 use super::{Axis, JobKind};
 use crate::outbox::{Outbox, Ticket};
-use crate::protocol::{self, Command, Demand, Exchange};
+use crate::protocol::{self, Command, Demand, Effect, Exchange, Native};
 use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::replies::MoveTarget;
 use host_protocol::{AxisParameter, CycleResult, Error, Quantity, Setpoint, TripReason};
 use serde::{Deserialize, Serialize};
-
-/// What a host gives with everything that moves.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Permit {
-    /// That of the arming it belongs to.
-    pub epoch: u32,
-    /// The low 32 bits of the gateway time at which it ends.
-    pub expires_at_us: u32,
-}
-
-/// A native command that moves.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct NativeMotion {
-    pub demand: Demand,
-    /// Sending it again would move the motor again.
-    pub once: bool,
-}
 
 /// A setpoint and the command that carries it out.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -77,45 +60,44 @@ impl Axis {
         Ok(())
     }
 
-    /// Takes a native command that moves, or says why not. `ticket` is answered when the motor has
-    /// answered it.
+    /// Takes a native command that moves as `demand` says, permitted until `expires`, or says why
+    /// not. `ticket` is answered when the motor has answered it.
     pub fn move_natively(
         &mut self,
         now: Instant,
-        permit: Permit,
-        command: Command,
-        motion: NativeMotion,
+        expires: Option<Instant>,
+        Native { command, effect }: Native,
+        demand: Demand,
         ticket: Ticket,
         out: &mut Outbox<'_>,
     ) -> Result<(), Error> {
-        let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
-        rules::check_demand(self.index, motion.demand, &self.config)?;
+        rules::check_demand(self.index, demand, &self.config)?;
         let in_force = self.motion().map(|motion| &motion.command);
         // What follows on a target that was near is as near as the motor goes with it.
         if !(protocol::tracks(&command) && in_force.is_some_and(protocol::tracks)) {
-            rules::check_nearness(self.index, motion.demand, self.measured.position_and_way(now))?;
+            rules::check_nearness(self.index, demand, self.measured.position_and_way(now))?;
         }
         self.make_way(now, out);
         self.supersede(now, out);
         if self.is_busy() {
             return Err(Error::Busy { axis: self.index });
         }
-        self.take_motion(now, command, expires, motion.once, out);
+        let once = matches!(effect, Effect::MovesOnce(_));
+        self.take_motion(now, command, expires, once, out);
         self.start(now, JobKind::NativeMotion, ticket, out);
         Ok(())
     }
 
-    /// Starts a relative move: the position is read first.
+    /// Starts a relative move, permitted until `expires`: the position is read first.
     pub fn move_relative(
         &mut self,
         now: Instant,
-        permit: Permit,
+        expires: Option<Instant>,
         distance_rad: f32,
         speed_limit_rad_s: f32,
         ticket: Ticket,
         out: &mut Outbox<'_>,
     ) -> Result<(), Error> {
-        let expires = self.permission(now, permit.epoch, permit.expires_at_us)?;
         // What does not depend on the position is refused before it is read.
         rules::check_move(self.index, distance_rad, speed_limit_rad_s, &self.config)?;
         self.make_way(now, out);

@@ -1,7 +1,7 @@
 //! The requests that move an axis otherwise than by a setpoint: native commands and relative moves.
 
 use super::Result;
-use crate::axis::{JobKind, NativeMotion, Permit};
+use crate::axis::JobKind;
 use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
@@ -74,12 +74,11 @@ impl Gateway {
         ticket: Ticket,
     ) -> Result<()> {
         self.refuse_e_stopped(request.axis)?;
-        let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
         let (distance, speed) = (request.distance_rad, request.speed_limit_rad_s);
         self.with_axis(now, request.axis, |axis, out| {
-            axis.move_relative(now, permit, distance, speed, ticket, out)
-        })??;
-        Ok(())
+            let expires = axis.permission(now, request.epoch, request.expires_at_us)?;
+            axis.move_relative(now, expires, distance, speed, ticket, out)
+        })?
     }
 
     /// A command that only asks is as free as reading the state, but not told from what is known
@@ -213,12 +212,10 @@ impl Gateway {
     ) -> Result<()> {
         self.authority.take(now, ticket)?;
         self.refuse_e_stopped(request.axis)?;
-        let permit = Permit { epoch: request.epoch, expires_at_us: request.expires_at_us };
-        let motion = NativeMotion { demand, once: matches!(native.effect, Effect::MovesOnce(_)) };
         self.with_axis(now, request.axis, |axis, out| {
-            axis.move_natively(now, permit, native.command, motion, ticket, out)
-        })??;
-        Ok(())
+            let expires = axis.permission(now, request.epoch, request.expires_at_us)?;
+            axis.move_natively(now, expires, native, demand, ticket, out)
+        })?
     }
 
     /// While the e-stop is latched nothing moves; an axis that tripped says why by itself.
