@@ -3,7 +3,7 @@
 
 use super::restart::CLOCK_PART;
 use super::{Axis, JobKind};
-use crate::protocol::{self, Info};
+use crate::protocol::{self, Exchange, Info};
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, Error, MotorTimeout};
 
@@ -81,7 +81,7 @@ impl Axis {
 
     /// Whether the motor tells that its timeout is on, and has a length of its own.
     fn tells_whether_on(&self) -> bool {
-        Info::of_axis(&self.config).is_some_and(|info| info.reads_timeout_switch)
+        self.can(Exchange::TimeoutSwitch)
     }
 
     /// The timeout that arming writes again, ms: the one provisioned, where the motor loses it with

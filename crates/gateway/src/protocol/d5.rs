@@ -32,11 +32,7 @@ pub(super) static INFO: Info = Info {
     replies_outrank_stops: false,
     resumes_when_asked: false,
     polled_to_hold: false,
-    // Quick start (3) and (4).
-    starts_together: true,
     stores_timeout: false,
-    // Register 0x11 only switches it on and off; how long it is nothing tells (D15).
-    reads_timeout_switch: true,
     timeouts_ms: (0, 1),
     reported_faults: 0,
     sensor_faults: 0,
@@ -191,6 +187,7 @@ fn command(exchange: Exchange, _: &AxisConfig) -> Option<Command> {
             Request::AsyncWrite { register: Register::SPEED, value: STANDSTILL }
         }
         Exchange::ExecutePending => Request::Execute,
+        // Quick start (3) and (4).
         Exchange::ExecuteAll => return Some(Command::D5Execute),
         Exchange::PendingWrite => read_byte(Register::ASYNC_FLAG),
         Exchange::BrakeSwitch => read_byte(Register::BRAKE),
@@ -201,6 +198,7 @@ fn command(exchange: Exchange, _: &AxisConfig) -> Option<Command> {
         Exchange::DriverTemperature => read_byte(Register::BOARD_TEMPERATURE),
         Exchange::MotorTemperature => read_byte(Register::MOTOR_TEMPERATURE),
         Exchange::AckLevel => read_byte(Register::ACK_LEVEL),
+        // It only switches the timeout on and off; how long that is nothing tells (D15).
         Exchange::TimeoutSwitch => read_byte(Register::TIMEOUT_SWITCH),
         Exchange::ClearFaults => {
             Request::Write { register: Register::CLEAR_PROTECTION, value: ONE }

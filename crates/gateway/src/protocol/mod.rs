@@ -140,12 +140,8 @@ pub(crate) struct Info {
     /// Its motors hold only while they hear something, and ignore what they are told first behind
     /// their own timeout.
     pub polled_to_hold: bool,
-    /// One frame can start several of its motors.
-    pub starts_together: bool,
     /// Its motors keep their own timeout without power.
     pub stores_timeout: bool,
-    /// Arming reads whether the motor's own timeout is on; its length is the motor's.
-    pub reads_timeout_switch: bool,
     /// What the motor's own timeout can be set to beside 0, which is off, ms.
     pub timeouts_ms: (u32, u32),
     /// Bits of the fault word that a motor only reports, and those of them that say that its

@@ -38,10 +38,8 @@ pub(super) static INFO: Info = Info {
     // What comes first after its timeout it ignores, and it stays without output (R20).
     resumes_when_asked: false,
     polled_to_hold: true,
-    starts_together: false,
     // It writes its timeout to ROM (§2.30).
     stores_timeout: true,
-    reads_timeout_switch: false,
     // Any (§2.30), but while it is being stopped it hears something every 5 ms.
     timeouts_ms: (20, u32::MAX),
     reported_faults: 0,

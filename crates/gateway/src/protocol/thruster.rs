@@ -25,10 +25,8 @@ pub(super) static INFO: Info = Info {
     // The manual does not say that it does not (T21).
     resumes_when_asked: true,
     polled_to_hold: false,
-    starts_together: false,
     // The manual does not say that it keeps ST (§2.3).
     stores_timeout: false,
-    reads_timeout_switch: false,
     timeouts_ms: (thruster::TIMEOUT_MIN as u32, thruster::TIMEOUT_MAX as u32),
     // What only reports (§3, protections; PROTOCOL-NOTES T20).
     reported_faults: Faults::REPORTED.bits(),

@@ -9,7 +9,7 @@ use super::Result;
 use crate::axis::{Axis, JobKind};
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
-use crate::protocol::{self, Info};
+use crate::protocol::{self, Exchange};
 use crate::rules;
 use crate::set::Set;
 use crate::time::Instant;
@@ -80,7 +80,7 @@ impl Gateway {
             let axis = self.axis(index)?;
             let expires = axis.permission(now, member.epoch, *expires_at_us)?;
             if let Some(protocol) = axis.config.protocol()
-                && !Info::of(protocol).starts_together
+                && !axis.can(Exchange::ExecuteAll)
             {
                 return Err(Error::Unsupported { axis: index, protocol });
             }
@@ -115,8 +115,7 @@ impl Gateway {
             return barred(first, TogetherBar::SharedBus);
         }
         for axis in self.axes.iter().filter(|axis| axis.config.bus() == Some(bus_index)) {
-            let obeys = Info::of_axis(&axis.config).is_some_and(|info| info.starts_together);
-            if together.members.has(axis.index) || !obeys {
+            if together.members.has(axis.index) || !axis.can(Exchange::ExecuteAll) {
                 continue;
             }
             let index = axis.index;
