@@ -22,7 +22,7 @@ use baud::Baud;
 use events::Events;
 use host_protocol::{
     Deframer, EncodeError, Error, Frame, Kind, MAX_FRAME, PROTOCOL_MAJOR, Reply, Request,
-    StateFields, class, requests::Hello, requests::Subscribe,
+    StateFields, class, requests::Subscribe,
 };
 use replies::{Replies, Reserved};
 use serde::{Deserialize, Serialize, Serializer};
@@ -115,23 +115,23 @@ impl Link {
             && !self.replies.contains(identity)
         {
             self.replies.clear();
-            self.events.start_session(speaks_our_version(hello), end);
+            self.events.start_session(hello.protocol_major == PROTOCOL_MAJOR, end);
             self.subscription = None;
             self.baud.forget_next();
         }
-        let unanswered =
-            |executes: fn(&Request) -> bool| request.as_ref().is_ok_and(executes).then_some(None);
-        let stops_each_time = |request: &Request| request.is(class::STOPS);
+        let unanswered = |is: fn(&Request) -> bool| request.as_ref().is_ok_and(is).then_some(None);
+        let stops = |request: &Request| request.is(class::STOPS);
         match self.replies.reserve(identity) {
             Reserved::Slot(slot) => Some(Some(slot)),
-            Reserved::Repeated => unanswered(stops_each_time),
+            Reserved::Repeated => unanswered(stops),
             Reserved::Forgotten => {
                 self.events.request_dropped(now_us);
-                unanswered(stops_each_time)
+                unanswered(stops)
             }
             Reserved::Full => {
                 self.events.request_dropped(now_us);
-                unanswered(stops)
+                // Whether a native command stops only its bytes tell, which the link does not know.
+                unanswered(|r| r.is(class::STOPS) || matches!(r, Request::Native(_)))
             }
         }
     }
@@ -249,14 +249,4 @@ impl Link {
             self.events.is_open() && self.subscription.as_ref().is_some_and(Subscription::is_due);
         self.replies.has_output() || self.events.has_output(ring) || sample
     }
-}
-
-/// Requests that make things safer: executed whether or not their result has a place. Whether a
-/// native command is one of them only its bytes tell, which the link does not know.
-fn stops(request: &Request) -> bool {
-    request.is(class::STOPS) || matches!(request, Request::Native(_))
-}
-
-fn speaks_our_version(hello: &Hello) -> bool {
-    hello.protocol_major == PROTOCOL_MAJOR
 }
