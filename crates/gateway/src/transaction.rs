@@ -64,6 +64,11 @@ impl Transaction {
         self.stage == Stage::WithPort
     }
 
+    /// Whether its frame is in this slot and has not left.
+    fn waits_in(&self, slot: u8) -> bool {
+        self.slot == slot && self.is_with_port()
+    }
+
     fn deadline(&self) -> Option<Instant> {
         match self.stage {
             Stage::WithPort => None,
@@ -103,12 +108,13 @@ impl Transaction {
 /// one's. Only a setpoint does not wait for what was no setpoint.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Holdoff {
-    exchange: Exchange,
+    /// It was a setpoint.
+    is_motion: bool,
     until: Instant,
 }
 
 impl Holdoff {
-    const NONE: Self = Self { exchange: Exchange::Velocity, until: Instant::from_micros(0) };
+    const NONE: Self = Self { is_motion: false, until: Instant::from_micros(0) };
 }
 
 /// What of a motion a request must remember.
@@ -184,7 +190,7 @@ impl Transactions {
 
     /// From when on a request that is due at `at` may go out.
     pub fn not_before(&self, is_motion: bool, at: Instant) -> Instant {
-        let waits = !is_motion || self.holdoff.exchange == Exchange::Motion;
+        let waits = !is_motion || self.holdoff.is_motion;
         if waits { at.max(self.holdoff.until) } else { at }
     }
 
@@ -242,12 +248,12 @@ impl Transactions {
         config: &AxisConfig,
     ) -> Option<Transaction> {
         let owed = |command| protocol::is_answered(command, config).then_some(now);
-        if let Some(former) = self.former.as_mut().filter(|f| f.slot == slot && f.is_with_port()) {
+        if let Some(former) = self.former.as_mut().filter(|former| former.waits_in(slot)) {
             former.stage = Stage::Awaited { since: now, until: now + window };
             (self.owed_since, self.is_unprinted) = (owed(&former.command), false);
             return None;
         }
-        let current = self.current.as_mut().filter(|c| c.slot == slot && c.is_with_port())?;
+        let current = self.current.as_mut().filter(|current| current.waits_in(slot))?;
         let window = protocol::slow_reply(&current.command).unwrap_or(window);
         current.stage = Stage::Awaited { since: now, until: now + window };
         (self.owed_since, self.is_unprinted) = (owed(&current.command), false);
@@ -262,28 +268,26 @@ impl Transactions {
     /// The request whose frame is in `slot`, under way or not, which has not left.
     pub fn waiting_in(&self, slot: u8) -> Option<&Transaction> {
         let requests = [&self.former, &self.current].into_iter().flatten();
-        requests.into_iter().find(|request| request.slot == slot && request.is_with_port())
+        requests.into_iter().find(|request| request.waits_in(slot))
     }
 
     /// The frame in `slot` will not leave any more. Returns the request under way if it is that.
     pub fn cancelled(&mut self, slot: u8) -> Option<Transaction> {
-        if self.former.as_ref().is_some_and(|f| f.slot == slot && f.is_with_port()) {
+        if self.former.as_ref().is_some_and(|former| former.waits_in(slot)) {
             self.former = None;
             return None;
         }
-        self.current.take_if(|current| current.slot == slot && current.is_with_port())
+        self.current.take_if(|current| current.waits_in(slot))
     }
 
     /// Whether the frame in `slot` has not left and should not any more: a stop has preempted it,
     /// or it is a motion that is not the `wanted` one.
     pub fn is_replaced(&self, slot: u8, wanted: impl Fn(&Transaction) -> bool) -> bool {
-        let waits = |request: &&Transaction| request.slot == slot && request.is_with_port();
-        self.former.as_ref().is_some_and(|former| waits(&former))
-            || self
-                .current
-                .as_ref()
-                .filter(waits)
-                .is_some_and(|current| current.exchange == Exchange::Motion && !wanted(current))
+        let is_old = |current: &Transaction| {
+            current.waits_in(slot) && current.exchange == Exchange::Motion && !wanted(current)
+        };
+        self.former.as_ref().is_some_and(|former| former.waits_in(slot))
+            || self.current.as_ref().is_some_and(is_old)
     }
 
     /// Makes room for a stop. What was under way may still be answered, and is then not taken for
@@ -371,7 +375,7 @@ impl Transactions {
             // What is answered slowly is answered as nothing else, and however late by a motor that
             // does it: the stop need not wait for that.
             if protocol::slow_reply(&current.command).is_none() {
-                self.holdoff = Holdoff { exchange: current.exchange, until };
+                self.holdoff = Holdoff { is_motion: current.exchange == Exchange::Motion, until };
                 self.former.get_or_insert(Transaction { stage: Stage::Late { until }, ..current });
             }
         }
@@ -424,15 +428,9 @@ impl Transactions {
         }
     }
 
-    /// The next frame to the motor has met its reply on the bus and was cancelled: the reply is let
-    /// pass first.
-    pub fn reply_comes_first(&mut self, now: Instant) {
-        (self.owed_since, self.is_unprinted) = (Some(now), false);
-    }
-
-    /// A frame to all has left: no manual prints a reply to it.
-    pub fn may_answer_unprinted(&mut self, now: Instant) {
-        (self.owed_since, self.is_unprinted) = (Some(now), true);
+    /// The motor may answer before the next frame to it, or by a reply that no manual prints.
+    pub fn owes_reply(&mut self, now: Instant, is_unprinted: bool) {
+        (self.owed_since, self.is_unprinted) = (Some(now), is_unprinted);
     }
 }
 

@@ -43,8 +43,9 @@ impl Axis {
     pub fn follow(&mut self, now: Instant, expires: Option<Instant>, out: &mut Outbox<'_>) {
         let Some(JobKind::Prepare { command }) = self.job_kind() else { return };
         self.stand_down();
-        // One that came would have the id of the next frame.
-        self.transactions.may_answer_unprinted(now);
+        // No manual prints a reply to the frame to all, but one that came would have the id of the
+        // next frame.
+        self.transactions.owes_reply(now, true);
         self.take_motion(now, protocol::at_once(command), expires, false, out);
     }
 

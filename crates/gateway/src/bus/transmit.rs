@@ -154,7 +154,8 @@ impl Bus {
         if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
             axis.cancelled(now, slot);
             if in_flight.collided_at.is_some_and(|at| at <= now) {
-                axis.transactions.reply_comes_first(now);
+                // The reply that it has met on the bus is let pass first.
+                axis.transactions.owes_reply(now, false);
                 self.let_reply_pass = true;
             }
         }
