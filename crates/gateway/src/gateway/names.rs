@@ -184,13 +184,6 @@ impl Gateway {
                 self.names.set(row, NameWords::default());
             }
         }
-        self.retention.gateway_changed(self.draft.names_gateway());
-        for axis in self.draft.named(AXIS_ROWS) {
-            self.retention.axis_changed(u8::try_from(axis).unwrap_or(u8::MAX));
-        }
-        for bus in self.draft.named(BUS_ROWS).numbers() {
-            self.retention.bus_changed(bus);
-        }
     }
 
     /// Takes over the name that something had before a reset, if it is one that it could be given.

@@ -107,9 +107,12 @@ impl Retention {
         }
     }
 
-    /// An axis has been configured or removed.
-    pub fn axis_changed(&mut self, axis: u8) {
-        self.axes.add(Set::of(axis));
+    /// These rows have changed: axes, buses, and the name of the gateway.
+    pub fn changed(&mut self, axes: Set, buses: Set, gateway: bool) {
+        self.axes.add(axes);
+        self.buses.add(buses);
+        self.lost_buses.put(buses, false);
+        self.gateway |= gateway;
     }
 
     /// Whether the axis was lost. It is known again.
@@ -117,12 +120,6 @@ impl Retention {
         let lost = self.lost_axes;
         self.lost_axes = lost.without(Set::of(axis));
         lost != self.lost_axes
-    }
-
-    /// A bus has been configured.
-    pub fn bus_changed(&mut self, bus: u8) {
-        self.buses.add(Set::of(bus));
-        self.lost_buses = self.lost_buses.without(Set::of(bus));
     }
 
     /// Whether an axis or a bus is lost: a motor that nobody knows of may be in motion.
@@ -146,11 +143,6 @@ impl Retention {
     /// A person says that all is well.
     pub fn forget_lost(&mut self) {
         (self.lost_axes, self.lost_buses) = (Set::NONE, Set::NONE);
-    }
-
-    /// The gateway may have another name.
-    pub fn gateway_changed(&mut self, has: bool) {
-        self.gateway |= has;
     }
 
     fn write(&mut self, place: Place, payload: &[u32], store: Store<'_>) {
@@ -406,7 +398,7 @@ impl Gateway {
         let fits = bus_rules::check_bus_config(bus, unserved.kind(), &bitrates, &config);
         if fits.is_ok() {
             unserved.restore_unserved(config, &self.axes);
-            self.retention.bus_changed(bus);
+            self.retention.changed(Set::NONE, Set::of(bus), false);
             self.measure(Set::of(bus), Set::NONE, false);
         }
         Some(fits)

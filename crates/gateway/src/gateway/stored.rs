@@ -209,7 +209,7 @@ impl Gateway {
     }
 
     /// Works out the checksums of rows anew.
-    pub(super) fn measure(&mut self, buses: Set, axes: Set, gateway: bool) {
+    pub(crate) fn measure(&mut self, buses: Set, axes: Set, gateway: bool) {
         let mut bytes = [0; MAX_STORED_ROW];
         let gateway = gateway.then_some(0).into_iter();
         let buses = (0..MAX_BUSES).filter(|bus| buses.has(*bus)).map(|bus| bus + BUS_ROWS.start);
@@ -221,12 +221,6 @@ impl Gateway {
                 *checksum = of_it.map_or(0, |row| CHECKSUM.checksum(row));
             }
         }
-    }
-
-    /// Those of the rows that the open list of changes has changed.
-    pub(crate) fn measure_changed(&mut self) {
-        let draft = &self.draft;
-        self.measure(draft.bus_rows(), draft.axis_rows(), draft.changes_gateway());
     }
 
     /// All of them: what a reset has left came another way.

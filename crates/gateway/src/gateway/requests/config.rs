@@ -111,7 +111,11 @@ impl Gateway {
             return Err(error);
         }
         self.take_changes_over(now, &reach);
-        self.measure_changed();
+        let Self { draft, retention, .. } = self;
+        let (axes, buses, is_named) = (draft.axis_rows(), draft.bus_rows(), draft.names_gateway());
+        let gateway = is_named || draft.silence.is_some();
+        retention.changed(axes, buses, is_named);
+        self.measure(buses, axes, gateway);
         Ok(())
     }
 
@@ -229,7 +233,6 @@ impl Gateway {
         for bus in self.draft.buses().numbers() {
             self.end_raw(now, bus);
             self.on_bus(now, bus, |bus, axes, out| bus.configured(now, axes, out));
-            self.retention.bus_changed(bus);
         }
         let Self { axes, buses, links, draft, retention, .. } = self;
         let mut out = Outbox::new(now, links);
@@ -243,7 +246,6 @@ impl Gateway {
             } else {
                 axis.configured(reach.moved.has(index), reach.same.has(index), &mut out);
             }
-            retention.axis_changed(index);
             let is_known = axis.config.is_empty() || axis.is_configured();
             if is_known && retention.take_lost(index) && axis.is_configured() {
                 // Its motor may be in motion.

@@ -154,11 +154,6 @@ impl Draft {
         !self.named(0..BUS_ROWS.start).is_empty()
     }
 
-    /// Whether something of the gateway's own changes.
-    pub fn changes_gateway(&self) -> bool {
-        self.silence.is_some() || self.names_gateway()
-    }
-
     /// The axes of which a parameter or the name changes.
     pub fn axis_rows(&self) -> Set {
         self.axes().with(self.named(AXIS_ROWS))
