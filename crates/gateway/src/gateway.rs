@@ -20,7 +20,7 @@ use crate::axes::Axes;
 use crate::axis::{Axis, Is};
 use crate::bus::{Assumptions, Bus, BusPlan};
 use crate::history::History;
-use crate::link::{Identity, Link, Links};
+use crate::link::{Identity, Links};
 use crate::log::LogEntry;
 use crate::outbox::{Outbox, Ticket};
 use crate::port::{Board, BusSetup, Changes, Event, Store, Transmit};
@@ -164,7 +164,7 @@ impl Gateway {
             }
         }
         self.links.init();
-        self.links.each(self.board, Link::offer);
+        self.links.attach(self.board);
     }
 
     /// Takes in what happened at `now`, and stores of what it has changed whatever must outlive a
@@ -422,7 +422,7 @@ impl Gateway {
     /// The rate of a host link that is a UART: it has changed when a reply to `SetBaud` has been
     /// taken, and when [`Changes`] names the link because nothing valid was heard.
     pub fn baud(&self, link: u8) -> u32 {
-        self.links.get(usize::from(link)).map_or(DEFAULT_BAUD, |link| link.baud.now)
+        self.links.get(usize::from(link)).map_or(DEFAULT_BAUD, |link| link.baud.now())
     }
 
     /// How the bus must be running; `None` while it is not configured.

@@ -222,7 +222,7 @@ impl Gateway {
         for (bus, port) in buses.iter_mut().zip(board.buses) {
             bus.attach(*port);
         }
-        links.each(board, Link::attach);
+        links.attach(board);
         gateway.board = board;
         Ok((gateway, behind))
     }

@@ -1,6 +1,5 @@
 //! The rate of a host link on a UART: what its host has asked for, until nothing valid is heard.
 
-use super::SILENCE_US;
 use crate::filled::filled;
 use host_protocol::{DEFAULT_BAUD, Error};
 use serde::{Deserialize, Serialize};
@@ -15,8 +14,8 @@ const ONE_FRAME_US: u64 = 5_000;
 pub struct Baud {
     #[serde(skip)]
     offered: Option<&'static [u32]>,
-    /// The one that it runs at, where it is a UART.
-    pub now: u32,
+    /// The one that it runs at, where it is another one than the default.
+    other: Option<u32>,
     /// It is next, when the replies that wait have left.
     next: Option<u32>,
     /// How much was unreadable since the last valid frame, and when the last of it came, µs.
@@ -27,24 +26,24 @@ pub struct Baud {
 }
 
 impl Baud {
-    /// No rate yet, all zeros.
+    /// The default rate, and no other is offered. All zeros.
     pub const NONE: Self = Self {
         offered: None,
-        now: 0,
+        other: None,
         next: None,
         unreadable: 0,
         unreadable_us: 0,
         has_changed: false,
     };
 
-    /// The rate after a start, on a link that offers these; one that offers none has none.
-    pub const fn new(offered: &'static [u32]) -> Self {
-        Self { offered: Some(offered), now: DEFAULT_BAUD, ..Self::NONE }
-    }
-
     /// The rates that its port offers, which a snapshot leaves out.
     pub fn attach(&mut self, offered: &'static [u32]) {
         self.offered = Some(offered);
+    }
+
+    /// The one that it runs at, where it is a UART.
+    pub fn now(&self) -> u32 {
+        self.other.unwrap_or(DEFAULT_BAUD)
     }
 
     /// The host asks for another rate, which begins when the replies have left.
@@ -89,21 +88,21 @@ impl Baud {
         }
     }
 
-    /// When the host has been silent for too long.
-    pub fn deadline(&self, last_valid_us: u64) -> Option<u64> {
-        (self.now != DEFAULT_BAUD).then_some(last_valid_us + SILENCE_US)
+    /// When [`tick`](Self::tick) is due, for a host that counts as silent then.
+    pub fn deadline(&self, silent_at_us: u64) -> Option<u64> {
+        self.other.map(|_| silent_at_us)
     }
 
-    pub fn tick(&mut self, now_us: u64, last_valid_us: u64) {
-        if self.deadline(last_valid_us).is_some_and(|at| at <= now_us) {
+    pub fn tick(&mut self, now_us: u64, silent_at_us: u64) {
+        if self.deadline(silent_at_us).is_some_and(|at| at <= now_us) {
             self.change(DEFAULT_BAUD);
         }
     }
 
     fn change(&mut self, baud: u32) {
         self.unreadable = 0;
-        self.has_changed |= self.now != baud;
-        self.now = baud;
+        self.has_changed |= self.now() != baud;
+        self.other = (baud != DEFAULT_BAUD).then_some(baud);
     }
 
     /// Whether it has changed since this was last asked.

@@ -87,11 +87,10 @@ impl Links {
         self.links.get_mut(usize::from(link))
     }
 
-    /// Calls `act` with each link, and the rates that the board has for it.
-    pub fn each(&mut self, board: &'static Board, act: impl Fn(&mut Link, &'static [u32])) {
-        self.due = None;
-        for (index, link) in self.links.iter_mut().enumerate() {
-            act(link, board.links.get(index).map_or(&[], |port| port.bauds));
+    /// Each link is told the rates that the board has for it.
+    pub fn attach(&mut self, board: &'static Board) {
+        for (link, port) in self.links.iter_mut().zip(board.links) {
+            link.baud.attach(port.bauds);
         }
     }
 

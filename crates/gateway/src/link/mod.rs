@@ -43,8 +43,8 @@ pub struct Link {
     deframer: Deframer,
     replies: Replies,
     events: Events,
-    /// When the last frame of a request came, whatever is in it, repeated ones too.
-    last_valid_us: Option<u64>,
+    /// When the last frame of a request came, whatever is in it, repeated ones too; 0 before that.
+    last_valid_us: u64,
     subscription: Option<Subscription>,
     pub(crate) baud: Baud,
 }
@@ -58,20 +58,10 @@ impl Link {
             deframer: Deframer::new(),
             replies: Replies::new(),
             events: Events::new(),
-            last_valid_us: None,
+            last_valid_us: 0,
             subscription: None,
             baud: Baud::NONE,
         }
-    }
-
-    /// The rates that its port offers.
-    pub(crate) fn offer(&mut self, bauds: &'static [u32]) {
-        self.baud = Baud::new(bauds);
-    }
-
-    /// The same link, taken from a snapshot, on its port.
-    pub(crate) fn attach(&mut self, bauds: &'static [u32]) {
-        self.baud.attach(bauds);
     }
 
     /// Takes `bytes` of the host off their front, as far as the end of a frame or all. The frame is
@@ -79,7 +69,7 @@ impl Link {
     pub(crate) fn receive(&mut self, now_us: u64, bytes: &mut &[u8]) -> Option<Frame<'_>> {
         match self.deframer.take(bytes)? {
             Ok(frame) if matches!(frame.kind, Kind::Request | Kind::WatcherRequest) => {
-                self.last_valid_us = Some(now_us);
+                self.last_valid_us = now_us;
                 self.baud.heard();
                 Some(frame)
             }
@@ -167,10 +157,10 @@ impl Link {
     /// Begins the subscription's next period, or ends it when the host is silent, as its rate does.
     /// Returns whether it has ended.
     pub fn tick(&mut self, now_us: u64) -> bool {
-        let last_valid_us = self.last_valid_us.unwrap_or(0);
-        self.baud.tick(now_us, last_valid_us);
+        let silent_at_us = self.silent_at_us();
+        self.baud.tick(now_us, silent_at_us);
         let Some(subscription) = &mut self.subscription else { return false };
-        if subscription.has_lapsed(now_us, last_valid_us) {
+        if now_us >= silent_at_us {
             self.subscription = None;
             return true;
         }
@@ -181,11 +171,16 @@ impl Link {
     /// When [`tick`](Self::tick) is due, µs.
     #[must_use]
     pub fn deadline(&self) -> Option<u64> {
-        let last_valid_us = self.last_valid_us.unwrap_or(0);
-        let baud = self.baud.deadline(last_valid_us);
-        let Some(subscription) = &self.subscription else { return baud };
-        let at = subscription.deadline(last_valid_us);
-        Some(baud.map_or(at, |baud| baud.min(at)))
+        let silent_at_us = self.silent_at_us();
+        match &self.subscription {
+            Some(subscription) => Some(subscription.next_us.min(silent_at_us)),
+            None => self.baud.deadline(silent_at_us),
+        }
+    }
+
+    /// When the host counts as silent if nothing valid comes before.
+    fn silent_at_us(&self) -> u64 {
+        self.last_valid_us + SILENCE_US
     }
 
     /// The next axis to tell of, and what of it, which is then to be [written](Self::write).
@@ -238,7 +233,7 @@ impl Link {
     pub(crate) fn write_state(&self, to: &mut impl core::fmt::Write) -> core::fmt::Result {
         let Self { deframer: _, replies, events, last_valid_us, subscription, baud } = self;
         let owed = replies.owed().count();
-        write!(to, "{owed} {} {last_valid_us:?} {subscription:?} {baud:?}", events.is_open())?;
+        write!(to, "{owed} {} {last_valid_us} {subscription:?} {baud:?}", events.is_open())?;
         replies.owed().try_for_each(|slot| write!(to, "{slot:?}"))
     }
 

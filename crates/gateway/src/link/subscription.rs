@@ -1,6 +1,5 @@
 //! What a host has subscribed to: which axes are due to be told of, and which were not in time.
 
-use super::SILENCE_US;
 use crate::set::Set;
 use host_protocol::requests::{self, SUBSCRIPTION_PERIOD_US};
 use host_protocol::{Error, Quantity, StateFields};
@@ -12,7 +11,8 @@ pub struct Subscription {
     axes: Set,
     fields: StateFields,
     period_us: u64,
-    next_us: u64,
+    /// When the next period begins.
+    pub next_us: u64,
     /// Axes whose sample of this period has not gone out.
     due: Set,
     /// The axis told of last: those behind it come first, so that a slow link leaves out none for
@@ -41,16 +41,6 @@ impl Subscription {
 
     pub fn watches(&self, axis: u8) -> bool {
         self.axes.has(axis)
-    }
-
-    /// Whether the host has been silent for too long to be told any more.
-    pub fn has_lapsed(&self, now_us: u64, last_valid_us: u64) -> bool {
-        now_us >= last_valid_us + SILENCE_US
-    }
-
-    /// When something is to be done for it.
-    pub fn deadline(&self, last_valid_us: u64) -> u64 {
-        self.next_us.min(last_valid_us + SILENCE_US)
     }
 
     /// Begins the next period, if it is time.

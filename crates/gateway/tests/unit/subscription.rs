@@ -29,7 +29,7 @@ fn what_was_not_taken_in_time_is_counted_and_the_grid_is_kept() {
     subscription.tick(1_000);
     subscription.tick(5_400);
     assert_eq!(subscription.take(), Some((0, StateFields::NONE, 2)));
-    assert_eq!(subscription.deadline(1_000), 6_000);
+    assert_eq!(subscription.next_us, 6_000);
 }
 
 #[test]
