@@ -5,12 +5,12 @@ use crate::bench;
 use crate::copy::Copy;
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
-    Board, BusPort, BusPortKind, Event, Found, Gateway, Instant, LinkPort, MAX_SNAPSHOT,
-    MAX_STORED_ROW, Outgoing, RETAINED_WORDS, STORED_ROWS, Set, Transmit,
+    Board, BusPort, Event, Found, Gateway, Instant, LinkPort, MAX_SNAPSHOT, MAX_STORED_ROW,
+    Outgoing, RETAINED_WORDS, STORED_ROWS, Set, Transmit,
 };
 use host_protocol::{
-    BootReason, BusLimit, BusState, CHECKSUM, CanFrame, CycleEvent, CycleMessage, Deframer, Error,
-    Event as HostEvent, EventMessage, Kind, MAX_FRAME, Reply, Request, requests,
+    BootReason, BusKind, BusLimit, BusState, CHECKSUM, CanFrame, CycleEvent, CycleMessage,
+    Deframer, Error, Event as HostEvent, EventMessage, Kind, MAX_FRAME, Reply, Request, requests,
 };
 
 const BITRATES: &[u32] = &[1_000_000, 500_000, 210_526];
@@ -29,9 +29,9 @@ pub const BOARD_VALUES: Board = Board {
     e_stop_input: true,
     enable_output: true,
     buses: &[
-        BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
-        BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
-        BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: BAUDS },
+        BusPort { kind: BusKind::Can, bitrates: BITRATES },
+        BusPort { kind: BusKind::Can, bitrates: BITRATES },
+        BusPort { kind: BusKind::Rs485, bitrates: BAUDS },
     ],
     bus_limit: None,
     links: &[UART, UART, LinkPort { bauds: &[] }],
@@ -45,9 +45,9 @@ const BOARD_AGAIN_VALUES: Board =
 /// The same again, without the clock that CAN needs.
 pub static BOARD_WITHOUT_CAN: Board = Board {
     buses: &[
-        BusPort { kind: BusPortKind::Can, bitrates: &[] },
-        BusPort { kind: BusPortKind::Can, bitrates: &[] },
-        BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: BAUDS },
+        BusPort { kind: BusKind::Can, bitrates: &[] },
+        BusPort { kind: BusKind::Can, bitrates: &[] },
+        BusPort { kind: BusKind::Rs485, bitrates: BAUDS },
     ],
     bus_limit: Some(BusLimit::NoClock),
     ..BOARD_AGAIN_VALUES

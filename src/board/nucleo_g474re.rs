@@ -42,8 +42,8 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{self, Uart};
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, uid, usb};
 use embassy_usb::driver::{Bus, EndpointAddress};
-use gateway::{Board, BusPort, BusPortKind};
-use host_protocol::{BootReason, BusLimit, DEFAULT_BAUD};
+use gateway::{Board, BusPort};
+use host_protocol::{BootReason, BusKind, BusLimit, DEFAULT_BAUD};
 use static_cell::StaticCell;
 
 use super::clock;
@@ -133,12 +133,11 @@ const RS485_BITRATES: [u32; 5] = [115_200, 500_000, 1_000_000, 1_500_000, 2_000_
 const _: () = assert!(serial::gives_host_bauds(168_000_000));
 
 const CAN_BUS: BusPort =
-    BusPort { kind: BusPortKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
+    BusPort { kind: BusKind::Can, bitrates: &fdcan::bitrates(&CAN_TIMING_TABLE) };
 /// A CAN bus that cannot run now: bus 0 while its input also decides where the chip starts from,
 /// all of them without the crystal.
-const OFF_CAN_BUS: BusPort = BusPort { kind: BusPortKind::Can, bitrates: &[] };
-const RS485_BUS: BusPort =
-    BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &RS485_BITRATES };
+const OFF_CAN_BUS: BusPort = BusPort { kind: BusKind::Can, bitrates: &[] };
+const RS485_BUS: BusPort = BusPort { kind: BusKind::Rs485, bitrates: &RS485_BITRATES };
 
 bind_interrupts!(struct Irqs {
     FDCAN1_IT1 => fdcan::InterruptHandler<FDCAN1>, IT1InterruptHandler<FDCAN1>;

@@ -1,8 +1,8 @@
 //! The board that a recording was made on, as far as a core must know it.
 
-use gateway::{Board, BusPort, BusPortKind, LinkPort, MAX_BUSES, MAX_LINKS};
+use gateway::{Board, BusPort, LinkPort, MAX_BUSES, MAX_LINKS};
 use heapless::Vec;
-use host_protocol::{BootReason, BusLimit, MAX_BITRATES};
+use host_protocol::{BootReason, BusKind, BusLimit, MAX_BITRATES};
 use serde::{Deserialize, Serialize};
 
 /// Bitrates, or rates of a link.
@@ -26,7 +26,7 @@ pub struct RecordedBoard<'a> {
     /// Whether it has an enable output.
     pub enable_output: bool,
     /// Its buses: what each is, and its bitrates.
-    pub buses: Vec<(BusPortKind, Rates), MAX_BUSES>,
+    pub buses: Vec<(BusKind, Rates), MAX_BUSES>,
     /// Why one of them has no bitrates.
     pub bus_limit: Option<BusLimit>,
     /// The rates of its host links.

@@ -7,11 +7,10 @@ use std::hint::black_box;
 
 use criterion::Criterion;
 use gateway::{
-    Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort, Outgoing, RETAINED_WORDS,
-    Transmit,
+    Board, BusPort, Event, Gateway, Instant, LinkPort, Outgoing, RETAINED_WORDS, Transmit,
 };
 use host_protocol::{
-    AxisParameter, BootReason, BusState, CanFrame, Deframer, Kind, MAX_FRAME, Protocol,
+    AxisParameter, BootReason, BusKind, BusState, CanFrame, Deframer, Kind, MAX_FRAME, Protocol,
     ProtocolSet, Reply, Request, Setpoint, StopAction, StopTarget, Value, replies, requests,
 };
 
@@ -35,8 +34,8 @@ static BOARD: Board = Board {
     e_stop_input: true,
     enable_output: true,
     buses: &[
-        BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
-        BusPort { kind: BusPortKind::Can, bitrates: BITRATES },
+        BusPort { kind: BusKind::Can, bitrates: BITRATES },
+        BusPort { kind: BusKind::Can, bitrates: BITRATES },
     ],
     bus_limit: None,
     links: &[LinkPort { bauds: &[] }],

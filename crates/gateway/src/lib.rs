@@ -36,9 +36,8 @@ pub use gateway::{
 };
 pub use log::LogEntry;
 pub use port::{
-    Board, BusPort, BusPortKind, BusSetup, Changes, Event, FlightPage, FlightRead, FlightReadError,
-    Found, FoundImage, ImageJob, Images, Light, LinkPort, Outgoing, Save, SaveError, Store,
-    Transmit,
+    Board, BusPort, BusSetup, Changes, Event, FlightPage, FlightRead, FlightReadError, Found,
+    FoundImage, ImageJob, Images, Light, LinkPort, Outgoing, Save, SaveError, Store, Transmit,
 };
 pub use rules::{AxisRules, NativeEffect};
 pub use set::Set;

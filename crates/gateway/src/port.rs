@@ -47,7 +47,7 @@
 use crate::set::Set;
 use heapless::Vec;
 use host_protocol::{
-    BusMode, BusState, Bytes, CanFrame, FirmwareVersion, MAX_IMAGE_BYTES, SIGNATURE_SIZE,
+    BusKind, BusMode, BusState, Bytes, CanFrame, FirmwareVersion, MAX_IMAGE_BYTES, SIGNATURE_SIZE,
     requests::BeginImage,
 };
 use serde::{Deserialize, Serialize};
@@ -86,7 +86,9 @@ pub enum Event<'a> {
         /// The frame.
         frame: CanFrame,
     },
-    /// Bytes arrived on a serial bus, our own echo included where the port hears it.
+    /// Bytes arrived on a serial bus. The receiver stays on while we transmit, so that every byte
+    /// sent is heard back first: the answer to a stop may have the same bytes, and on a line that
+    /// gives no echo no stop is ever confirmed.
     SerialReceived {
         /// Index of the bus.
         bus: u8,
@@ -369,28 +371,20 @@ pub struct BusSetup {
     pub mode: BusMode,
 }
 
-/// One bus of a board; without bitrates a place that is filled when it is known.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// One bus of a board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BusPort {
-    /// What it is and what it can do.
-    pub kind: BusPortKind,
+    /// What it is.
+    pub kind: BusKind,
     /// Bitrates it can run at, bits per second.
     pub bitrates: &'static [u32],
 }
 
-/// The kinds of bus a board offers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum BusPortKind {
-    /// A CAN controller.
-    #[default]
-    Can,
-    /// A half-duplex serial port.
-    Rs485 {
-        /// The receiver stays on while we transmit, so every byte sent is heard back first. It
-        /// must be true then: the answer to a stop may have the same bytes, so on a line
-        /// that gives no echo no stop is ever confirmed.
-        local_echo: bool,
-    },
+/// A place that is filled when it is known.
+impl Default for BusPort {
+    fn default() -> Self {
+        Self { kind: BusKind::Can, bitrates: &[] }
+    }
 }
 
 /// One host link of a board.

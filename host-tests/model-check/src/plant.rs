@@ -1,8 +1,8 @@
 //! The board, its buses, and the motors on them.
 
-use gateway::{Board, BusPort, BusPortKind, LinkPort};
-use host_protocol::{BootReason, DEFAULT_BAUD, Protocol, StopAction};
-use promise_model::{BusKind, EXTENDED};
+use gateway::{Board, BusPort, LinkPort};
+use host_protocol::{BootReason, BusKind, DEFAULT_BAUD, Protocol, StopAction};
+use promise_model::EXTENDED;
 
 /// Host links.
 pub const LINKS: u8 = 3;
@@ -26,10 +26,10 @@ const BOARD_OF_A_START: Board = Board {
     build_id: "model-check",
     boot: BootReason::Simulated,
     buses: &[
-        BusPort { kind: BusPortKind::Can, bitrates: &[1_000_000] },
-        BusPort { kind: BusPortKind::Can, bitrates: &[210_526] },
-        BusPort { kind: BusPortKind::Rs485 { local_echo: true }, bitrates: &[2_000_000] },
-        BusPort { kind: BusPortKind::Can, bitrates: &[210_526] },
+        BusPort { kind: BusKind::Can, bitrates: &[1_000_000] },
+        BusPort { kind: BusKind::Can, bitrates: &[210_526] },
+        BusPort { kind: BusKind::Rs485, bitrates: &[2_000_000] },
+        BusPort { kind: BusKind::Can, bitrates: &[210_526] },
     ],
     bus_limit: None,
     links: &[LinkPort { bauds: &[DEFAULT_BAUD, 2_000_000] }; LINKS as usize],
@@ -46,8 +46,10 @@ pub static BOARD_AGAIN: Board = Board {
 };
 
 /// The buses as the model knows them.
-pub const KINDS: [BusKind; BUSES as usize] =
-    [BusKind::Can, BusKind::Can, BusKind::Rs485 { echo: true }, BusKind::Can];
+pub const KINDS: [promise_model::BusKind; BUSES as usize] = {
+    use promise_model::BusKind::{Can, Rs485};
+    [Can, Can, Rs485 { echo: true }, Can]
+};
 
 /// Bitrate of each bus, and the protocols of its motors: bits 0 to 2 are RMD, thruster, D5.
 pub const BUS_SETUP: [(u32, u8); BUSES as usize] =

@@ -3,8 +3,8 @@
 use std::error::Error;
 use std::fmt;
 
-use gateway::{Board, BusPort, BusPortKind, LinkPort, MAX_LINKS};
-use host_protocol::{BootReason, CanId, DEFAULT_BAUD, Protocol};
+use gateway::{Board, BusPort, LinkPort, MAX_LINKS};
+use host_protocol::{BootReason, BusKind, CanId, DEFAULT_BAUD, Protocol};
 
 /// Bitrate of RMD and thruster motors on CAN.
 const MBIT: u32 = 1_000_000;
@@ -18,10 +18,8 @@ const BAUD: u32 = 115_200;
 const UART: LinkPort =
     LinkPort { bauds: &[DEFAULT_BAUD, 1_000_000, 1_500_000, 2_000_000, 3_000_000] };
 
-const LINE: BusPort = BusPort {
-    kind: BusPortKind::Rs485 { local_echo: true },
-    bitrates: &[BAUD, 500_000, MBIT, 1_500_000, 2_000_000],
-};
+const LINE: BusPort =
+    BusPort { kind: BusKind::Rs485, bitrates: &[BAUD, 500_000, MBIT, 1_500_000, 2_000_000] };
 
 /// The board that the simulator plays: two CAN controllers, two RS485 ports that hear themselves,
 /// and all host links.
@@ -34,8 +32,8 @@ pub static BOARD: Board = Board {
     e_stop_input: true,
     enable_output: true,
     buses: &[
-        BusPort { kind: BusPortKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
-        BusPort { kind: BusPortKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
+        BusPort { kind: BusKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
+        BusPort { kind: BusKind::Can, bitrates: &[MBIT, 500_000, 250_000, D5_BITRATE] },
         LINE,
         LINE,
     ],
@@ -131,7 +129,7 @@ impl Wiring {
     pub fn with(self, bus: u8, protocol: Protocol, node: u8) -> Self {
         let kind = self.board.buses.get(usize::from(bus)).map(|port| port.kind);
         let bitrate = match (kind, protocol) {
-            (Some(BusPortKind::Rs485 { .. }), _) => BAUD,
+            (Some(BusKind::Rs485), _) => BAUD,
             (_, Protocol::D5) => D5_BITRATE,
             (_, Protocol::Rmd | Protocol::Thruster) => MBIT,
         };

@@ -39,7 +39,6 @@ pub(super) enum Heard {
 /// The state of one serial line.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Line {
-    local_echo: bool,
     /// What we have sent and not yet heard back.
     echo: Deque<u8, MAX_SERIAL>,
     /// The frame that we have sent, as long as its echo may still come behind bytes that are not
@@ -91,10 +90,6 @@ impl LineTimes {
 }
 
 impl Line {
-    pub fn new(local_echo: bool) -> Self {
-        Self { local_echo, ..Self::default() }
-    }
-
     /// From now on the frames of these protocols are found.
     pub fn configure(&mut self, protocols: ProtocolSet) {
         self.rejected_before = self.rejected();
@@ -143,13 +138,10 @@ impl Line {
         self.awaited = None;
         self.reset_deframer();
         self.echo.clear();
-        self.sent_frame = None;
-        if self.local_echo {
-            self.sent_frame = Vec::from_slice(bytes).ok();
-            for byte in bytes {
-                // The echo queue holds the longest transmission.
-                let _ = self.echo.push_back(*byte);
-            }
+        self.sent_frame = Vec::from_slice(bytes).ok();
+        for byte in bytes {
+            // The echo queue holds the longest transmission.
+            let _ = self.echo.push_back(*byte);
         }
     }
 

@@ -17,7 +17,7 @@ pub(crate) use raw::Raw;
 use crate::axes::Axes;
 use crate::axis::Is;
 use crate::outbox::Outbox;
-use crate::port::{BusPort, BusPortKind, BusSetup, TRANSMIT_SLOTS};
+use crate::port::{BusPort, BusSetup, TRANSMIT_SLOTS};
 use crate::set::Set;
 use crate::time::{Duration, Instant};
 use bounds::Bounds;
@@ -124,10 +124,6 @@ struct InFlight {
 
 impl Bus {
     pub fn new(index: u8, port: BusPort) -> Self {
-        let local_echo = match port.kind {
-            BusPortKind::Can => false,
-            BusPortKind::Rs485 { local_echo } => local_echo,
-        };
         Self {
             index,
             port,
@@ -138,7 +134,7 @@ impl Bus {
             receive_errors: 0,
             counters: BusCounters::default(),
             in_flight: [None; TRANSMIT_SLOTS],
-            line: Line::new(local_echo),
+            line: Line::default(),
             active_at: Instant::from_micros(0),
             quiet_at: Instant::from_micros(0),
             raw: None,
@@ -231,10 +227,7 @@ impl Bus {
     }
 
     pub fn kind(&self) -> BusKind {
-        match self.port.kind {
-            BusPortKind::Can => BusKind::Can,
-            BusPortKind::Rs485 { .. } => BusKind::Rs485,
-        }
+        self.port.kind
     }
 
     /// Its configuration, also while it runs otherwise.

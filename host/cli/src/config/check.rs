@@ -3,7 +3,7 @@
 
 use std::mem::{discriminant, replace};
 
-use gateway::{AxisRules, Board, BusPort, BusPortKind, Event, Gateway, Instant, LinkPort};
+use gateway::{AxisRules, Board, BusPort, Event, Gateway, Instant, LinkPort};
 use host_protocol::{
     AxisParameter, BootReason, BusKind, Change, Deframer, Error, Kind, MAX_FRAME, PROTOCOL_MAJOR,
     PROTOCOL_MINOR, ProtocolSet, Quantity, Request, StopAction, Subject, Value, requests,
@@ -259,10 +259,7 @@ struct Core {
 impl Core {
     fn new(board: &BoardPorts) -> Self {
         let port = |(kind, rates): &(BusKind, Vec<u32>)| BusPort {
-            kind: match kind {
-                BusKind::Can => BusPortKind::Can,
-                BusKind::Rs485 => BusPortKind::Rs485 { local_echo: false },
-            },
+            kind: *kind,
             // The core's board is part of a program that never ends; this one lives on as well.
             bitrates: rates.clone().leak(),
         };

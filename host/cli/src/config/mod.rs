@@ -12,10 +12,10 @@ mod template;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use gateway::{BusPort, BusPortKind};
+use gateway::BusPort;
 use host_protocol::{
-    AxisParameter, BusConfig, Change, Error, GatewayParameter, MAX_NAME, ParameterInfo, Protocol,
-    ProtocolSet, Subject, Text, Value, is_name,
+    AxisParameter, BusConfig, BusKind, Change, Error, GatewayParameter, MAX_NAME, ParameterInfo,
+    Protocol, ProtocolSet, Subject, Text, Value, is_name,
 };
 
 use crate::failure::Failure;
@@ -422,7 +422,7 @@ fn no_key_of_a_bus(name: &str) -> Failure {
 
 /// The bitrates of CAN buses, or of the others, on the boards that there are.
 fn usual_bitrates(of_can: bool) -> String {
-    let is_can = |port: &BusPort| matches!(port.kind, BusPortKind::Can);
+    let is_can = |port: &BusPort| port.kind == BusKind::Can;
     let port = mgw_sim::BOARD.buses.iter().find(|port| is_can(port) == of_can);
     let rates = port.map_or(&[][..], |port| port.bitrates);
     rates.iter().map(u32::to_string).collect::<Vec<_>>().join(", ")

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use gateway::port::TRANSMIT_SLOTS;
-use gateway::{BusPortKind, BusSetup, Outgoing, Transmit};
-use host_protocol::CanFrame;
+use gateway::{BusSetup, Outgoing, Transmit};
+use host_protocol::{BusKind, CanFrame};
 
 use crate::bus::{BusFault, Station, Wire};
 use crate::can::CanBus;
@@ -16,7 +16,7 @@ use crate::rs485::SerialLine;
 #[derive(Debug)]
 pub(super) enum Medium {
     Can(CanBus),
-    Serial { line: SerialLine, local_echo: bool },
+    Serial { line: SerialLine },
 }
 
 /// A bus and what the gateway has handed to it.
@@ -34,12 +34,10 @@ pub(super) struct Port {
 }
 
 impl Port {
-    pub(super) fn new(kind: BusPortKind) -> Self {
+    pub(super) fn new(kind: BusKind) -> Self {
         let medium = match kind {
-            BusPortKind::Can => Medium::Can(CanBus::default()),
-            BusPortKind::Rs485 { local_echo } => {
-                Medium::Serial { line: SerialLine::default(), local_echo }
-            }
+            BusKind::Can => Medium::Can(CanBus::default()),
+            BusKind::Rs485 => Medium::Serial { line: SerialLine::default() },
         };
         let held = [false; TRANSMIT_SLOTS];
         Self {
@@ -78,9 +76,7 @@ impl Port {
         self.held = [false; TRANSMIT_SLOTS];
         match &mut self.medium {
             Medium::Can(bus) => bus.start_in(now, Station::Gateway, new.bitrate, new.mode),
-            Medium::Serial { line, local_echo } => {
-                line.start(Station::Gateway, new.bitrate, *local_echo)
-            }
+            Medium::Serial { line } => line.start(Station::Gateway, new.bitrate, true),
         }
         true
     }
