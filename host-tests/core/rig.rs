@@ -5,8 +5,8 @@ use crate::bench;
 use crate::copy::Copy;
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
-    Board, BusPort, Event, Found, Gateway, Instant, LinkPort, MAX_SNAPSHOT, MAX_STORED_ROW,
-    Outgoing, RETAINED_WORDS, STORED_ROWS, Set, Transmit,
+    Board, BusPort, Event, Gateway, Instant, LinkPort, MAX_SNAPSHOT, MAX_STORED_ROW, Outgoing,
+    RETAINED_WORDS, STORED_ROWS, Set, Transmit,
 };
 use host_protocol::{
     BootReason, BusKind, BusLimit, BusState, CHECKSUM, CanFrame, CycleEvent, CycleMessage,
@@ -217,7 +217,7 @@ impl Rig {
             out[..row.len()].copy_from_slice(row);
             Some(Ok(row.len()))
         };
-        self.gateway.load(self.now(), &self.memory, Found::Rows { digest }, &mut next);
+        self.gateway.load(self.now(), &self.memory, Ok(digest), &mut next);
     }
 
     /// The changes of the list are made, and the board is reset behind each word of what is stored

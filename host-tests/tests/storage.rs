@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use config_store::{ConfigStore, LAYOUT};
 use embedded_storage_async::nor_flash::NorFlash;
-use gateway::{Found, MAX_STORED_ROW, STORED_ROWS, SaveError};
+use gateway::{MAX_STORED_ROW, STORED_ROWS, SaveError};
 use host_protocol::replies::StoredReport;
 use host_protocol::{
     AxisParameter, AxisState, BootReason, BusConfig, Bytes, Change, ClearTarget, Error, Protocol,
@@ -21,16 +21,14 @@ use mgw_sim::{SimTransport, Station, Wiring, World};
 type Rows = BTreeMap<usize, Vec<u8>>;
 
 /// What is stored; nothing where it is nothing.
-fn read<S: NorFlash>(store: &mut ConfigStore<S>) -> Result<Rows, Found> {
-    let found = at_once(store.find());
-    let digest = match found {
-        Found::Nothing => return Ok(Rows::new()),
-        Found::Rows { digest } => digest,
-        other => return Err(other),
+fn read<S: NorFlash>(store: &mut ConfigStore<S>) -> Result<Rows, StoredState> {
+    let digest = match at_once(store.find()) {
+        Err(StoredState::Nothing) => return Ok(Rows::new()),
+        found => found?,
     };
     let (mut rows, mut from, mut bytes) = (Rows::new(), 0, [0; MAX_STORED_ROW]);
     while let Some((row, length)) =
-        at_once(store.next_row(from, &mut bytes)).map_err(|()| Found::Damaged)?
+        at_once(store.next_row(from, &mut bytes)).map_err(|()| StoredState::Damaged)?
     {
         rows.insert(row, bytes[..length].to_vec());
         from = row + 1;
@@ -223,7 +221,7 @@ fn another_layout_is_refused_by_its_version() {
         0x00, 0x00, 0xB9, 0xD1, 0xFF, 0x45,
     ];
     other.flash().bytes()[4096..4117].copy_from_slice(&head);
-    assert_eq!(at_once(other.find()), Found::OtherLayout { layout: 9 });
+    assert_eq!(at_once(other.find()), Err(StoredState::OtherLayout { layout: 9 }));
     save(&mut other, &Rows::from([(1, vec![7])])).unwrap();
     assert_eq!(read(&mut other), Ok(Rows::from([(1, vec![7])])));
     assert_eq!(other.flash().bytes()[1..5], [6, 0, 0, 0], "the next number, in the other area");

@@ -4,7 +4,7 @@
 
 use config_store::ConfigStore;
 use embassy_futures::block_on;
-use gateway::{Event, Found, Save, SaveError};
+use gateway::{Event, Save, SaveError, StoredState};
 
 use crate::image::{OtherImage, images};
 use crate::shared_gateway::SharedGateway;
@@ -27,10 +27,10 @@ pub async fn storage(gateway: &'static SharedGateway) {
     }
     gateway.set_images(images(other_image.as_mut()).await);
     let Some(mut store) = store else {
-        gateway.load(Found::SingleBank, &mut |_| None);
+        gateway.load(Err(StoredState::SingleBank), &mut |_| None);
         return;
     };
-    let found = if gateway.is_bare() { Found::NotRead } else { store.find().await };
+    let found = if gateway.is_bare() { Err(StoredState::NotRead) } else { store.find().await };
     let mut from = 0;
     gateway.load(found, &mut |bytes| {
         // It reads one row, for less than the watchdog waits.

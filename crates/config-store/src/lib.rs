@@ -25,7 +25,7 @@ use core::ops::Range;
 
 use crc::{CRC_32_ISCSI, Crc, NoTable};
 use embedded_storage_async::nor_flash::NorFlash;
-use gateway::{Found, MAX_STORED_ROW, STORED_ROWS, SaveError};
+use gateway::{Found, MAX_STORED_ROW, STORED_ROWS, SaveError, StoredState};
 
 /// The version of the layout. It grows when what was stored before would be misread.
 pub const LAYOUT: u8 = 1;
@@ -122,16 +122,16 @@ impl<S: NorFlash> ConfigStore<S> {
     /// axis is armed.
     pub async fn find(&mut self) -> Found {
         let (area, head) = match self.head().await {
-            Reading::Nothing => return Found::Nothing,
-            Reading::Damaged => return Found::Damaged,
+            Reading::Nothing => return Err(StoredState::Nothing),
+            Reading::Damaged => return Err(StoredState::Damaged),
             Reading::Head { area, head } => (area, head),
         };
         if head.layout != LAYOUT {
-            return Found::OtherLayout { layout: head.layout };
+            return Err(StoredState::OtherLayout { layout: head.layout });
         }
         self.complete(area, head).await;
         if head.length == 0 {
-            return Found::Nothing;
+            return Err(StoredState::Nothing);
         }
         let (mut at, mut digest) = (0, CHECKSUM.digest());
         while at < head.length {
@@ -139,16 +139,12 @@ impl<S: NorFlash> ConfigStore<S> {
             let count = (head.length - at).min(SECOND_HEAD);
             let bytes = bytes.get_mut(..count as usize).unwrap_or_default();
             if self.read(area, ROWS + at, bytes).await.is_err() {
-                return Found::Damaged;
+                return Err(StoredState::Damaged);
             }
             digest.update(bytes);
             at += count;
         }
-        if digest.finalize() == head.checksum {
-            Found::Rows { digest: head.digest }
-        } else {
-            Found::Damaged
-        }
+        if digest.finalize() == head.checksum { Ok(head.digest) } else { Err(StoredState::Damaged) }
     }
 
     /// The first row from `from` on: its number, and its bytes in `out`; nothing after the last.

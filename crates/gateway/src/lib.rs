@@ -34,6 +34,7 @@ pub use bus_rules::check_bus_config;
 pub use gateway::{
     Gateway, MAX_SNAPSHOT, MAX_STORED_ROW, NextRow, Part, RETAINED_WORDS, ResumeError, STORED_ROWS,
 };
+pub use host_protocol::StoredState;
 pub use log::LogEntry;
 pub use port::{
     Board, BusPort, BusSetup, Changes, Event, FlightPage, FlightRead, FlightReadError, Found,

@@ -48,7 +48,7 @@ use crate::set::Set;
 use heapless::Vec;
 use host_protocol::{
     BusKind, BusMode, BusState, Bytes, CanFrame, FirmwareVersion, MAX_IMAGE_BYTES, SIGNATURE_SIZE,
-    requests::BeginImage,
+    StoredState, requests::BeginImage,
 };
 use serde::{Deserialize, Serialize};
 
@@ -241,30 +241,9 @@ pub enum FoundImage {
     RolledBack,
 }
 
-/// What a start finds where the configuration is stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Found {
-    /// There is nowhere to store it.
-    NoStorage,
-    /// The flash is one bank, from which the program runs.
-    SingleBank,
-    /// Nothing is stored.
-    Nothing,
-    /// Rows, and the number that was stored with them.
-    Rows {
-        /// That number.
-        digest: u32,
-    },
-    /// What is stored cannot be read.
-    Damaged,
-    /// It is stored in a layout that this firmware does not know.
-    OtherLayout {
-        /// The version of that layout.
-        layout: u8,
-    },
-    /// It is not to be read: start after start has failed.
-    NotRead,
-}
+/// What a start finds where the configuration is stored: the number that was stored with its rows, or
+/// why there are none, which is never [`StoredState::Kept`].
+pub type Found = Result<u32, StoredState>;
 
 /// Why the configuration could not be stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

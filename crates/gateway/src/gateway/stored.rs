@@ -42,19 +42,13 @@ pub type NextRow<'a> = &'a mut dyn FnMut(&mut [u8; MAX_STORED_ROW]) -> Option<Re
 /// What is stored, as far as the core knows.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Stored {
-    state: State,
+    state: Found,
     /// The checksum of each row of the running configuration, 0 where it is empty. So a row that
     /// changes costs a look at that row.
     #[serde(with = "BigArray")]
     rows: [u32; STORED_ROWS],
     /// Who waits for what is being stored.
     saving: Option<Saving>,
-}
-
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-enum State {
-    Found(Found),
-    Refused { error: u16 },
 }
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -66,7 +60,7 @@ struct Saving {
 
 impl Stored {
     pub const fn new() -> Self {
-        Self { state: State::Found(Found::NoStorage), rows: [0; STORED_ROWS], saving: None }
+        Self { state: Err(StoredState::NoStorage), rows: [0; STORED_ROWS], saving: None }
     }
 
     /// Whether something is to be stored that nobody has taken yet.
@@ -97,27 +91,29 @@ impl Gateway {
     /// [`ReadStored`](host_protocol::Request::ReadStored) says so.
     pub fn load(&mut self, now: Instant, words: &[u32], found: Found, next: NextRow<'_>) {
         self.measure_configuration();
-        self.stored.state = State::Found(found);
-        let Found::Rows { digest } = found else { return };
+        self.stored.state = found;
+        let Ok(digest) = found else { return };
         if Self::is_remembered(words) {
             return self.find_lost(now, next);
         }
-        let mut row = [0; MAX_STORED_ROW];
-        let mut state = State::Found(found);
-        while let (State::Found(Found::Rows { .. }), Some(length)) = (state, next(&mut row)) {
-            state = match length.ok().and_then(|length| row.get(..length)) {
-                Some(row) => self.load_row(now, row, false).unwrap_or(state),
-                None => State::Found(Found::Damaged),
-            };
-        }
-        if matches!(state, State::Found(Found::Rows { .. })) && self.stored.digest() != digest {
-            state = State::Found(Found::Damaged);
-        }
-        if !matches!(state, State::Found(Found::Rows { .. })) {
+        self.stored.state = match self.load_rows(now, next) {
+            Ok(()) if self.stored.digest() != digest => Err(StoredState::Damaged),
+            loaded => loaded.map(|()| digest),
+        };
+        if self.stored.state.is_err() {
             self.forget_configuration(now);
         }
-        self.stored.state = state;
         self.retention.together = true;
+    }
+
+    /// Makes the changes of all rows, or returns why not.
+    fn load_rows(&mut self, now: Instant, next: NextRow<'_>) -> Result<(), StoredState> {
+        let mut row = [0; MAX_STORED_ROW];
+        while let Some(length) = next(&mut row) {
+            let row = length.ok().and_then(|length| row.get(..length));
+            self.load_row(now, row.ok_or(StoredState::Damaged)?, false)?;
+        }
+        Ok(())
     }
 
     /// Takes over what a damaged memory has lost, so that its motors are stopped: they may be in
@@ -131,14 +127,13 @@ impl Gateway {
         }
     }
 
-    /// Makes the changes of a row, or of one that is lost only. Returns why not.
-    fn load_row(&mut self, now: Instant, mut row: &[u8], lost: bool) -> Option<State> {
-        let refused = |error: Error| Some(State::Refused { error: error.number() });
+    /// Makes the changes of a row, or of one that is lost only.
+    fn load_row(&mut self, now: Instant, mut row: &[u8], lost: bool) -> Result<(), StoredState> {
+        let refused = |error: Error| StoredState::Refused { error: error.number() };
         self.draft.open();
         while !row.is_empty() {
-            let Ok((change, rest)) = postcard::take_from_bytes::<Change>(row) else {
-                return Some(State::Found(Found::Damaged));
-            };
+            let (change, rest) =
+                postcard::take_from_bytes::<Change>(row).map_err(|_| StoredState::Damaged)?;
             if lost && !self.retention.has_lost_of(&change) {
                 break;
             }
@@ -146,12 +141,10 @@ impl Gateway {
                 Change::Bus { bus, config: Some(config) } => self.restore_unserved(*bus, *config),
                 _ => None,
             };
-            if let Err(error) = unserved.unwrap_or_else(|| self.add_changes(&[change])) {
-                return refused(error);
-            }
+            unserved.unwrap_or_else(|| self.add_changes(&[change])).map_err(refused)?;
             row = rest;
         }
-        self.apply_changes(now).err().and_then(refused)
+        self.apply_changes(now).map_err(refused)
     }
 
     fn forget_configuration(&mut self, now: Instant) {
@@ -241,8 +234,8 @@ impl Gateway {
     /// Has the running configuration stored, or what is stored forgotten.
     pub(crate) fn save_configuration(&mut self, keep: bool, ticket: Ticket) -> Result<()> {
         match self.stored.state {
-            State::Found(Found::NoStorage) => return Err(Error::NoStorage {}),
-            State::Found(Found::SingleBank) => return Err(Error::SingleBank {}),
+            Err(StoredState::NoStorage) => return Err(Error::NoStorage {}),
+            Err(StoredState::SingleBank) => return Err(Error::SingleBank {}),
             _ => {}
         }
         self.check_at_rest()?;
@@ -291,10 +284,10 @@ impl Gateway {
         let done = replies::Done {};
         let answer = match save {
             Save::Rows { digest } => self
-                .configuration_stored(Found::Rows { digest }, result)
+                .configuration_stored(Ok(digest), result)
                 .map(|()| Reply::SaveConfiguration(done)),
             Save::Nothing => self
-                .configuration_stored(Found::Nothing, result)
+                .configuration_stored(Err(StoredState::Nothing), result)
                 .map(|()| Reply::ForgetStored(done)),
             Save::Image(job) => self.image_stored(now, &job, result),
         };
@@ -304,7 +297,7 @@ impl Gateway {
     fn configuration_stored(&mut self, found: Found, result: Result<(), SaveError>) -> Result<()> {
         match result {
             Ok(()) => {
-                self.stored.state = State::Found(found);
+                self.stored.state = found;
                 Ok(())
             }
             Err(SaveError::Full) => Err(Error::StorageFull {}),
@@ -315,16 +308,8 @@ impl Gateway {
     pub(crate) fn stored_report(&mut self) -> replies::StoredReport {
         let running = self.digest();
         let state = match self.stored.state {
-            State::Refused { error } => StoredState::Refused { error },
-            State::Found(Found::NoStorage) => StoredState::NoStorage,
-            State::Found(Found::SingleBank) => StoredState::SingleBank,
-            State::Found(Found::Nothing) => StoredState::Nothing,
-            State::Found(Found::Rows { digest }) => {
-                StoredState::Kept { differs: digest != running }
-            }
-            State::Found(Found::Damaged) => StoredState::Damaged,
-            State::Found(Found::OtherLayout { layout }) => StoredState::OtherLayout { layout },
-            State::Found(Found::NotRead) => StoredState::NotRead,
+            Ok(digest) => StoredState::Kept { differs: digest != running },
+            Err(state) => state,
         };
         replies::StoredReport { state, saving: self.stored.is_saving() }
     }

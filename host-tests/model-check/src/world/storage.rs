@@ -2,7 +2,7 @@
 
 use super::World;
 use super::ports::Input;
-use gateway::{Found, Gateway, Instant, MAX_STORED_ROW, STORED_ROWS, Save};
+use gateway::{Gateway, Instant, MAX_STORED_ROW, STORED_ROWS, Save, StoredState};
 
 /// What is asked to be stored is written so much later, µs, unless something else comes first.
 const WRITTEN_AFTER_US: u64 = 30_000;
@@ -27,8 +27,8 @@ impl Storage {
     /// A gateway that starts takes over what is stored.
     pub fn load(&self, now: Instant, gateway: &mut Gateway, words: &[u32]) {
         let (found, rows) = match &self.kept {
-            None => (Found::Nothing, &[][..]),
-            Some((digest, rows)) => (Found::Rows { digest: *digest }, rows.as_slice()),
+            None => (Err(StoredState::Nothing), &[][..]),
+            Some((digest, rows)) => (Ok(*digest), rows.as_slice()),
         };
         let mut rows = rows.iter();
         let mut next = |out: &mut [u8; MAX_STORED_ROW]| {
