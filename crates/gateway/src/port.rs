@@ -241,8 +241,8 @@ pub enum FoundImage {
     RolledBack,
 }
 
-/// What a start finds where the configuration is stored: the number that was stored with its rows, or
-/// why there are none, which is never [`StoredState::Kept`].
+/// What a start finds where the configuration is stored: the number that was stored with its rows,
+/// or why there are none, which is never [`StoredState::Kept`].
 pub type Found = Result<u32, StoredState>;
 
 /// Why the configuration could not be stored.

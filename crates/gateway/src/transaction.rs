@@ -428,8 +428,8 @@ impl Transactions {
         }
     }
 
-    /// The motor owes a reply that is let pass before the next frame to it, perhaps one that no manual
-    /// prints.
+    /// The motor owes a reply that is let pass before the next frame to it, perhaps one that no
+    /// manual prints.
     pub fn owes_reply(&mut self, now: Instant, is_unprinted: bool) {
         (self.owed_since, self.is_unprinted) = (Some(now), is_unprinted);
     }

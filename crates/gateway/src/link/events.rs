@@ -93,8 +93,8 @@ impl Events {
         self.write(|sequence, lost| event.encode_frame(sequence, lost, time_us, out))
     }
 
-    /// Has the next event written, one of the ring or any other, with its sequence and how many were
-    /// lost before it.
+    /// Has the next event written, one of the ring or any other, with its sequence and how many
+    /// were lost before it.
     pub fn write(
         &mut self,
         encode: impl FnOnce(u16, u32) -> Result<usize, EncodeError>,

@@ -193,8 +193,8 @@ impl Link {
         Some((axis, fields))
     }
 
-    /// Has an event of this link alone written, a sample or a period of the cycle, with its sequence
-    /// and how many were lost before it. Returns its length.
+    /// Has an event of this link alone written, a sample or a period of the cycle, with its
+    /// sequence and how many were lost before it. Returns its length.
     pub fn write(
         &mut self,
         encode: impl FnOnce(u16, u32) -> Result<usize, EncodeError>,

@@ -568,8 +568,8 @@ fn may_be_thrown_back(request: &Request, reply: &Reply, motion: Motion) -> bool 
     cold == Motion::default() && is_like_request()
 }
 
-/// What a reply is that answers nothing. 0x9A comes every 100 ms while a fault lasts, where the motor
-/// is set so (PROTOCOL-NOTES R16).
+/// What a reply is that answers nothing. 0x9A comes every 100 ms while a fault lasts, where the
+/// motor is set so (PROTOCOL-NOTES R16).
 pub(super) fn unasked(reply: &Reply) -> Unasked {
     match reply {
         Reply::TimeoutNotice { .. } | Reply::Status1 { .. } => Unasked::Notice,
