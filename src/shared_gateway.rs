@@ -160,7 +160,7 @@ impl SharedGateway {
     }
 
     /// Whether a reset has left the running configuration, which then counts, whatever is stored.
-    pub fn is_remembered(&self) -> bool {
+    fn is_remembered(&self) -> bool {
         self.with(|parts, _| Gateway::is_remembered(parts.kept.as_slice()))
     }
 
@@ -174,27 +174,27 @@ impl SharedGateway {
         self.with(|parts, now| parts.core.before_motion().set_images(now, images));
     }
 
-    /// Takes over what is stored, and starts where a reset has left nothing.
+    /// Goes on from what the run before has left. Where it has left nothing, the others begin when
+    /// what is stored is loaded.
+    #[inline(never)]
+    pub fn restore(&self) {
+        self.with(|parts, now| parts.core.before_motion().restore(now, parts.kept.as_slice()));
+        if self.is_remembered() {
+            self.started.signal(());
+        }
+    }
+
+    /// Takes over what is stored.
     #[inline(never)]
     pub fn load(&self, found: Found, next: NextRow<'_>) {
-        let is_remembered = self.is_remembered();
-        self.with(|parts, now| {
-            parts.core.before_motion().load(now, parts.kept.as_slice(), found, next)
-        });
-        if is_remembered {
+        self.with(|parts, now| parts.core.before_motion().load(now, found, next));
+        if self.is_remembered() {
             // What was lost and found is to be stopped.
             self.handle(Event::Tick);
         } else {
-            self.start();
+            self.started.signal(());
         }
         self.loaded.signal(());
-    }
-
-    /// Goes on from what the run before has left, or from what was loaded.
-    #[inline(never)]
-    pub fn start(&self) {
-        self.with(|parts, now| parts.core.before_motion().restore(now, parts.kept.as_slice()));
-        self.started.signal(());
     }
 
     /// Waits until it has started. Nobody else feeds the watchdog meanwhile: there is so much to

@@ -203,8 +203,8 @@ impl Rig {
     pub fn power_on_as(&mut self, board: &'static Board, rows: &[Vec<u8>]) {
         self.memory.fill(0x5A5A_5A5A);
         self.begin_again(board);
-        self.load(rows);
         self.gateway.restore(self.now(), &[]);
+        self.load(rows);
     }
 
     /// The gateway is told what is stored.
@@ -217,7 +217,7 @@ impl Rig {
             out[..row.len()].copy_from_slice(row);
             Some(Ok(row.len()))
         };
-        self.gateway.load(self.now(), &self.memory, Ok(digest), &mut next);
+        self.gateway.load(self.now(), Ok(digest), &mut next);
     }
 
     /// The changes of the list are made, and the board is reset behind each word of what is stored

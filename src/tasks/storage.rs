@@ -21,10 +21,8 @@ pub async fn storage(gateway: &'static SharedGateway) {
     });
     let mut other_image = OtherImage::new();
     // What a reset has left does not wait for the flash.
-    if gateway.is_remembered() {
-        gateway.start();
-        gateway.first_stops_have_left().await;
-    }
+    gateway.restore();
+    gateway.first_stops_have_left().await;
     gateway.set_images(images(other_image.as_mut()).await);
     let Some(mut store) = store else {
         gateway.load(Err(StoredState::SingleBank), &mut |_| None);

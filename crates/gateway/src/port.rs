@@ -33,7 +33,8 @@
 //!   follows from it, the rest before a host is told. A program that has nothing to outlive stores
 //!   nothing.
 //! - Where it can store the configuration, it calls [`Gateway::load`](crate::Gateway::load) once,
-//!   before `restore`, and carries out what [`Gateway::take_save`](crate::Gateway::take_save) gives
+//!   behind `restore` and, where nothing
+//!   [was remembered](crate::Gateway::is_remembered), before the first event; and it carries out what [`Gateway::take_save`](crate::Gateway::take_save) gives
 //!   when [`Changes`] says so; then it reports [`Event::Saved`].
 //! - Where it can take images of the firmware, it calls
 //!   [`Gateway::set_images`](crate::Gateway::set_images) once, before it opens the host links, and

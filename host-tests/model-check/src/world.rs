@@ -88,8 +88,8 @@ impl World {
             returns: false,
         };
         let at = Instant::from_micros(start_us);
-        world.life.storage.load(at, &mut world.gateway, &[]);
         world.gateway.restore(at, &[]);
+        world.life.storage.load(at, &mut world.gateway);
         world.feed(Input::Pin { open: false });
         world.act(&Action::Ask { link: LISTENER, ask: Ask::Hello });
         world

@@ -90,6 +90,11 @@ enum Memory {
 }
 
 impl Retention {
+    /// Whether the memory has words of a run, the one before or this one.
+    pub fn is_of_a_run(&self) -> bool {
+        self.memory != Memory::Foreign
+    }
+
     pub const fn new() -> Self {
         Self {
             generations: [0; SLOTS],
@@ -315,7 +320,7 @@ impl Gateway {
     }
 
     /// Whether these words tell what a reset has left of a run before: its configuration then
-    /// counts, and [`restore`](Self::restore) may come before [`load`](Self::load).
+    /// counts, and what is stored may be loaded later.
     pub fn is_remembered(words: &[u32]) -> bool {
         layout::is_ours(words)
     }

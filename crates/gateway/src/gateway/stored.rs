@@ -6,7 +6,7 @@
 use super::Gateway;
 use super::names::subject_of;
 use super::requests::{Authority, Result};
-use crate::axis::Axis;
+use crate::axis::{Axis, Is};
 use crate::bus::Bus;
 use crate::outbox::Ticket;
 use crate::port::{Found, Save, SaveError};
@@ -80,20 +80,19 @@ impl Stored {
 }
 
 impl Gateway {
-    /// Takes over the configuration that is stored, unless a reset has left the running one in
-    /// `words`: that one counts. Once, before [`restore`](Self::restore), which has each axis
-    /// stopped first; where [`is_remembered`](Self::is_remembered) it may come after. `next` writes
-    /// one row after the other, in the order of their numbers, and returns the bytes of each;
-    /// nothing after the last; `Err` where a row cannot be read. What a reset has left, and damage
-    /// has taken, is taken over too.
+    /// Takes over the configuration that is stored, and stops each of its axes, unless a reset has
+    /// left the running one: that one counts, and of what is stored only what damage has taken of
+    /// it. Once, behind [`restore`](Self::restore); where nothing
+    /// [was remembered](Self::is_remembered), before the first event. `next` writes one row after
+    /// the other, in the order of their numbers, and returns the bytes of each; nothing after the
+    /// last; `Err` where a row cannot be read.
     ///
     /// What cannot be read whole, or would be refused from a host, is left out as a whole, and
     /// [`ReadStored`](host_protocol::Request::ReadStored) says so.
-    pub fn load(&mut self, now: Instant, words: &[u32], found: Found, next: NextRow<'_>) {
-        self.measure_configuration();
+    pub fn load(&mut self, now: Instant, found: Found, next: NextRow<'_>) {
         self.stored.state = found;
         let Ok(digest) = found else { return };
-        if Self::is_remembered(words) {
+        if self.retention.is_of_a_run() {
             return self.find_lost(now, next);
         }
         self.stored.state = match self.load_rows(now, next) {
@@ -104,6 +103,9 @@ impl Gateway {
             self.forget_configuration(now);
         }
         self.retention.together = true;
+        self.settle(now);
+        self.each_axis(now, self.axes.which(Is::Configured), |axis, out| axis.halt(now, out));
+        self.settle(now);
     }
 
     /// Makes the changes of all rows, or returns why not.

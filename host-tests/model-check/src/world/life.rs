@@ -198,14 +198,8 @@ impl World {
         self.life.links_open_by = Some(self.now_us + LINKS_OPEN_AFTER_US);
         let words: &[u32] = if keeps { &self.life.memory } else { &[] };
         let now = Instant::from_micros(self.now_us);
-        let is_remembered = Gateway::is_remembered(words);
-        if !is_remembered {
-            self.life.storage.load(now, &mut self.gateway, words);
-        }
         self.gateway.restore(now, words);
-        if is_remembered {
-            self.life.storage.load(now, &mut self.gateway, words);
-        }
+        self.life.storage.load(now, &mut self.gateway);
         if !keeps {
             self.life.memory.fill(NEVER_WRITTEN);
         }

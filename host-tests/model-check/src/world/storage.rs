@@ -25,7 +25,7 @@ impl Storage {
     }
 
     /// A gateway that starts takes over what is stored.
-    pub fn load(&self, now: Instant, gateway: &mut Gateway, words: &[u32]) {
+    pub fn load(&self, now: Instant, gateway: &mut Gateway) {
         let (found, rows) = match &self.kept {
             None => (Err(StoredState::Nothing), &[][..]),
             Some((digest, rows)) => (Ok(*digest), rows.as_slice()),
@@ -36,7 +36,7 @@ impl Storage {
             out[..row.len()].copy_from_slice(row);
             Some(Ok(row.len()))
         };
-        gateway.load(now, words, found, &mut next);
+        gateway.load(now, found, &mut next);
     }
 }
 

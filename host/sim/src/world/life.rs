@@ -148,7 +148,7 @@ impl World {
         let Some(storage) = &mut self.life.storage else { return };
         let found = at_once(storage.find());
         let mut from = 0;
-        self.gateway.before_motion().load(now, &self.life.words, found, &mut |bytes| {
+        self.gateway.before_motion().load(now, found, &mut |bytes| {
             let row = at_once(storage.next_row(from, bytes)).transpose()?;
             Some(row.map(|(row, length)| {
                 from = row + 1;
@@ -195,15 +195,8 @@ impl World {
     /// First what is remembered, then the pins, then everything else.
     pub(super) fn start_gateway(&mut self) {
         let now = self.gateway_now();
-        // What a reset has left does not wait for the storage.
-        let is_remembered = Gateway::is_remembered(&self.life.words);
-        if !is_remembered {
-            self.load();
-        }
         self.gateway.before_motion().restore(now, &self.life.words);
-        if is_remembered {
-            self.load();
-        }
+        self.load();
         self.named = Set::ALL;
         self.life.words.resize(RETAINED_WORDS, 0);
         self.tell(Event::EStopInput { open: self.life.e_stop_input_open });
