@@ -26,7 +26,7 @@ const ALLOWANCE: Duration = Duration::from_millis(1);
 const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 
 /// What the axes of a bus have it carry, and how long others wait for it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Bounds {
     /// Frames beyond the first with which motors answer one motion each.
     further_replies: u64,
@@ -44,15 +44,6 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    pub const NONE: Self = Self {
-        further_replies: 0,
-        outranking_replies: 0,
-        shares_ids: false,
-        streamed_at_once: Duration::ZERO,
-        streamed_permille: 0,
-        ordinary: Duration::ZERO,
-    };
-
     /// These, beside frames of others that take such a part of the bus's time, one at once.
     pub fn beside_foreign(self, permille: u64, frame: Duration) -> Self {
         if permille == 0 {
@@ -118,7 +109,7 @@ impl Bus {
     pub fn measure(&mut self, axes: &Axes) {
         self.longest_frame_bits = longest_frame_bits(self.axes_here(axes));
         let frame = self.frame_time(1);
-        let mut bounds = Bounds::NONE;
+        let mut bounds = Bounds::default();
         for protocol in self.config.iter().flat_map(|config| config.protocols.iter()) {
             let info = Info::of(protocol);
             bounds.shares_ids |= info.free_ids;

@@ -147,7 +147,7 @@ impl Bus {
             pause: Duration::ZERO,
             paused_for: None,
             longest_frame_bits: STANDARD_FRAME_BITS,
-            bounds: Bounds::NONE,
+            bounds: Bounds::default(),
             last_served: 0,
             due: Due { at: Instant::NEVER, expires: Instant::NEVER },
         }

@@ -171,7 +171,7 @@ struct Part {
 }
 
 /// What each axis is asked beside its setpoint.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Beside {
     /// Requests that go before it; the first of several is the setpoint before.
     before: u64,
@@ -179,10 +179,6 @@ struct Beside {
     reads: bool,
     /// Polls behind it.
     behind: u64,
-}
-
-impl Beside {
-    const NOTHING: Self = Self { before: 0, reads: false, behind: 0 };
 }
 
 impl Bus {
@@ -263,12 +259,12 @@ impl Bus {
         let outstanding = if in_turn { 1 } else { most };
         let lasts = |beside| schedule(&parts, beside, outstanding, assumed.software, |_, _| {});
         // The setpoint before is on its way, and a poll is due.
-        let longest = lasts(Beside { before: 2, ..Beside::NOTHING });
-        let period = lasts(Beside { reads: true, ..Beside::NOTHING });
+        let longest = lasts(Beside { before: 2, ..Beside::default() });
+        let period = lasts(Beside { reads: true, ..Beside::default() });
         // The fault word and the state may be due at once.
         let steady = lasts(Beside { before: 1, reads: true, behind: 1 });
         let cycle =
-            schedule(&parts, Beside::NOTHING, outstanding, assumed.software, |place, at| {
+            schedule(&parts, Beside::default(), outstanding, assumed.software, |place, at| {
                 if let Some(plan) = plans.get_mut(place) {
                     plan.answered = at;
                 }
