@@ -72,8 +72,8 @@ pub(crate) struct Bus {
     started_at: Instant,
     /// The pause before that.
     pause: Duration,
-    /// The start after which the pause last grew.
-    paused_for: Option<u32>,
+    /// It has grown since the start.
+    has_paused: bool,
     /// Of a frame here, bits; and how long others wait. Kept, as they change with the
     /// configuration.
     longest_frame_bits: u64,
@@ -145,7 +145,7 @@ impl Bus {
             restart_at: None,
             started_at: Instant::from_micros(0),
             pause: Duration::ZERO,
-            paused_for: None,
+            has_paused: false,
             longest_frame_bits: STANDARD_FRAME_BITS,
             bounds: Bounds::default(),
             last_served: 0,
@@ -160,9 +160,6 @@ impl Bus {
 
     /// A port that runs `other` goes on with this one: nothing is started anew for that alone.
     pub fn runs_as(&mut self, other: &Self) {
-        if self.paused_for == Some(self.generation) {
-            self.paused_for = Some(other.generation);
-        }
         self.generation = other.generation;
     }
 
@@ -298,6 +295,7 @@ impl Bus {
         self.generation = self.generation.wrapping_add(1);
         self.restart_at = None;
         self.started_at = now;
+        self.has_paused = false;
         self.line.restart();
         self.empty(now, axes, out);
     }
@@ -401,9 +399,8 @@ impl Bus {
             if self.restart_at.is_none() {
                 // Once for each start: a controller is still off when it has just been started, and
                 // may go off again.
-                if self.paused_for != Some(self.generation) {
+                if !core::mem::replace(&mut self.has_paused, true) {
                     self.pause = self.next_pause(now);
-                    self.paused_for = Some(self.generation);
                 }
                 self.restart_at = Some(now + self.pause);
             }
