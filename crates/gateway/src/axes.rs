@@ -211,11 +211,6 @@ impl Axes {
         self.kept.which.get(is as usize).copied().unwrap_or_default()
     }
 
-    /// The axes for a bus of which something is so.
-    pub fn which_on(&self, is: Is, bus: u8) -> Set {
-        self.which(is).and(self.on(bus))
-    }
-
     /// What is kept as a time of each axis of a set that has one.
     pub fn times(
         &self,

@@ -434,9 +434,7 @@ impl Gateway {
     /// even a confirmed one: its stops are repeated for faults that heal by themselves. Nor is
     /// holding where the motor must hear something for it.
     pub fn all_at_rest(&self) -> bool {
-        let rests = |axis: &Axis| !axis.is_configured() || axis.is_idle_or_holding();
-        self.unstopped.is_empty()
-            && self.axes.iter().all(|axis| rests(axis) && !axis.is_kept_holding())
+        self.unstopped.is_empty() && !self.axes.iter().any(Axis::is_in_use)
     }
 
     /// Has the axes polled that a host has subscribed to.

@@ -13,6 +13,7 @@ impl Axis {
         seen: &Observation,
     ) -> Result<(), Error> {
         let axis = self.index;
+        let refused = Error::Refused { axis, faults: self.measured.fault_word() };
         match self.job_kind() {
             Some(JobKind::Arm { .. }) => self.check_arming_step(exchange, seen),
             Some(JobKind::Clear | JobKind::Restart) => {
@@ -35,20 +36,16 @@ impl Axis {
                         .ack_level
                         .is_some_and(|level| command.sets() != Sets::AckLevel(level)) =>
             {
-                Err(Error::Refused { axis, faults: self.measured.fault_word() })
+                Err(refused)
             }
-            Some(JobKind::Prepare { .. }) if seen.write_pending == Some(false) => {
-                Err(Error::Refused { axis, faults: self.measured.fault_word() })
-            }
+            Some(JobKind::Prepare { .. }) if seen.write_pending == Some(false) => Err(refused),
             Some(JobKind::StandBy { .. })
                 if seen.write_pending == Some(true) && !self.comes_again(exchange) =>
             {
                 Err(Error::CannotStartTogether { axis, reason: TogetherBar::WriteWaits })
             }
-            Some(JobKind::Provision { timeout_ms })
-                if seen.timeout_on.is_some_and(|on| on == (timeout_ms == 0)) =>
-            {
-                Err(Error::Refused { axis, faults: self.measured.fault_word() })
+            Some(JobKind::Provision { timeout_ms }) if seen.timeout_on == Some(timeout_ms == 0) => {
+                Err(refused)
             }
             _ => Ok(()),
         }

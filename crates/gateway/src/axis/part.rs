@@ -77,11 +77,10 @@ impl Axis {
         let mut part = Part {
             since: now,
             next,
-            motion: None,
-            reads: 0,
             tells_slow: fields.bits() & !CycleEvent::FAST.bits() != 0,
             result: CycleResult::Answered,
             before: self.part.told(),
+            ..Part::NONE
         };
         let mut is_told = false;
         match &mut self.state {

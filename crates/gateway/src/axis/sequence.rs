@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Sequence {
     #[serde(skip)]
     steps: &'static [Exchange],
-    at: u8,
+    at: usize,
 }
 
 impl Sequence {
@@ -21,29 +21,24 @@ impl Sequence {
         self.steps = steps;
     }
 
-    /// The place in the table.
-    pub fn at(&self) -> usize {
-        self.at.into()
-    }
-
     /// The step to do; `None` where all are done.
     pub fn step(&self) -> Option<Exchange> {
-        self.steps.get(self.at()).copied()
+        self.steps.get(self.at).copied()
     }
 
     /// The step behind that.
     pub fn step_behind(&self) -> Option<Exchange> {
-        self.steps.get(self.at() + 1).copied()
+        self.steps.get(self.at + 1).copied()
     }
 
     /// Whether a step behind this one is the same, so that its answer is the one that counts.
     pub fn comes_again(&self, exchange: Exchange) -> bool {
-        self.steps.iter().skip(self.at() + 1).any(|later| *later == exchange)
+        self.steps.iter().skip(self.at + 1).any(|later| *later == exchange)
     }
 
     /// Whether a step before this one was it.
     pub fn has_passed(&self, exchange: Exchange) -> bool {
-        self.steps.iter().take(self.at()).any(|earlier| *earlier == exchange)
+        self.steps.iter().take(self.at).any(|earlier| *earlier == exchange)
     }
 
     /// Begins anew.

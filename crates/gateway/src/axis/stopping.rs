@@ -25,7 +25,6 @@ impl Axis {
         let is_of_job = self.job_step() == Some(request.exchange);
         let restarts = now < self.restarts_until;
         let before = self.state();
-        let is_tripped = self.tripped().is_some();
         let Self { state: State::Stopping(stop) | State::Tripped(_, stop), config, .. } = self
         else {
             return;
@@ -39,7 +38,7 @@ impl Axis {
             Outcome::NoReply => stop.unanswered(now, request.exchange, is_of_job, config),
             Outcome::Echoed => StopEffect::None,
         };
-        if !is_tripped {
+        if before == AxisState::Stopping {
             // At rest it would be forgotten.
             stop.stays_while_owed(config);
         }

@@ -452,7 +452,7 @@ impl Bus {
 
     /// Those of them of which something is so.
     fn which(&self, is: Is, axes: &Axes) -> Set {
-        axes.which_on(is, self.index)
+        axes.which(is).and(self.here(axes))
     }
 
     pub fn receive_overflow(&mut self, lost: u32) {

@@ -105,12 +105,9 @@ impl Bus {
                         && !self.lets_replies_pass(now, axes)
                         && self.may_send_stop(now, axis, &want, axes, room)
                 }
-                Priority::StopStep | Priority::Ordinary => {
-                    may_ordinary && self.id_is_free_at(axis, axes) <= now
-                }
-                Priority::Watch => {
+                Priority::StopStep | Priority::Ordinary | Priority::Watch => {
                     may_ordinary
-                        && self.may_watch(now, axes)
+                        && (want.priority != Priority::Watch || self.may_watch(now, axes))
                         && self.id_is_free_at(axis, axes) <= now
                 }
             };

@@ -260,7 +260,7 @@ impl Gateway {
     pub(crate) fn check_at_rest(&self) -> Result<()> {
         for axis in self.axes.iter().filter(|axis| axis.is_configured()) {
             axis.refuse_busy()?;
-            if !axis.is_idle_or_holding() || axis.is_kept_holding() {
+            if axis.is_in_use() {
                 return Err(Error::NotIdle { axis: axis.index, state: axis.state() });
             }
         }
