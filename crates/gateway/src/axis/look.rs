@@ -75,7 +75,7 @@ impl Look {
     /// At an axis at `now`. `after`: what was due until then has been done.
     pub fn at(axis: &Axis, now: Instant, after: Instant) -> Self {
         let mut look = Self::NONE;
-        look.note(Is::Unsaved, axis.is_unsaved());
+        look.note(Is::Unsaved, axis.is_unsaved);
         if !axis.is_configured() {
             return look;
         }

@@ -101,7 +101,7 @@ pub(crate) struct Axis {
     /// What its answers said of the version of its protocol when it was asked last.
     evidence: Evidence,
     /// What outlives a reset of the gateway has changed and has still to be saved.
-    is_unsaved: bool,
+    pub is_unsaved: bool,
     /// The row of its configuration has changed by what its motor was told, and is to be measured.
     pub row_was_told: bool,
     pub telemetry: Telemetry,

@@ -180,16 +180,6 @@ impl Axis {
         self.written_timeout_ms | bit(self.owes_restart(), RESTART_OWED) | bit(is_off, TIMEOUT_OFF)
     }
 
-    /// Whether what outlives a reset of the gateway has still to be saved.
-    pub fn is_unsaved(&self) -> bool {
-        self.is_unsaved
-    }
-
-    /// Whether that has changed and has still to be saved.
-    pub fn take_unsaved(&mut self) -> bool {
-        core::mem::take(&mut self.is_unsaved)
-    }
-
     /// What was written before the gateway was reset. The motor's power may have been off since, so
     /// it is believed at once where the motor stores it; elsewhere arming writes it again, and
     /// until then it only says how long a silence must be for it to act. That it is off is believed

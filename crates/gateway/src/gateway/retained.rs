@@ -282,12 +282,8 @@ impl Gateway {
         if rows.is_empty() && !retention.gateway {
             return;
         }
-        axes.each(unsaved, |axis| {
-            if axis.take_unsaved() {
-                retention.axes.add(Set::of(axis.index));
-            }
-        });
-        let new_axes = retention.axes.take().without(retention.lost_axes);
+        axes.each(unsaved, |axis| axis.is_unsaved = false);
+        let new_axes = retention.axes.take().with(unsaved).without(retention.lost_axes);
         let new_buses = retention.buses.take().without(retention.lost_buses);
         (retention.axes, retention.buses) = (retention.lost_axes, retention.lost_buses);
         for axis in axes.of(new_axes) {
