@@ -122,7 +122,7 @@ impl Look {
             State::Active(_, motion) => {
                 self.note(Is::Moving, true);
                 self.note(Is::Active, true);
-                motion.deadline()
+                motion.expires
             }
             State::Stopping(stop) => self.note_stop(stop),
             State::Tripped(tripped, stop) => {

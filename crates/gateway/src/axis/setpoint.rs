@@ -18,7 +18,7 @@ pub(super) struct Motion {
     pub number: u32,
     /// When the permission to move ends; `None` only where the axis is configured without expiry,
     /// which is unsafe.
-    expires: Option<Instant>,
+    pub expires: Option<Instant>,
     /// When it is to be sent next; `None` once it has been and must not be again.
     pub due: Option<Instant>,
     /// Sending it again would move the motor again.
@@ -26,10 +26,6 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    pub fn deadline(&self) -> Option<Instant> {
-        self.expires
-    }
-
     /// Whether it may still go out.
     pub fn is_permitted(&self, now: Instant) -> bool {
         self.expires.is_none_or(|at| now < at)
@@ -205,7 +201,7 @@ impl Axis {
 
     /// Whether the setpoint in force has expired.
     pub fn has_expired(&self, now: Instant) -> bool {
-        self.motion().and_then(Motion::deadline).is_some_and(|at| at <= now)
+        self.motion().is_some_and(|motion| !motion.is_permitted(now))
     }
 
     /// What time alone brings about.
@@ -217,7 +213,7 @@ impl Axis {
     }
 
     pub(super) fn resend_motion(&mut self, now: Instant) {
-        if let Some(motion) = self.motion_mut() {
+        if let State::Active(_, motion) = &mut self.state {
             motion.due = Some(now);
         }
     }

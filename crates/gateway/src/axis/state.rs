@@ -179,19 +179,9 @@ impl Axis {
         }
     }
 
-    pub(super) fn motion_mut(&mut self) -> Option<&mut Motion> {
-        match &mut self.state {
-            State::Active(_, motion) => Some(motion),
-            _ => None,
-        }
-    }
-
     /// Why the axis has tripped.
     pub fn trip_reason(&self) -> Option<TripReason> {
-        match &self.state {
-            State::Tripped(tripped, _) => Some(tripped.trip.reason),
-            _ => None,
-        }
+        self.tripped().map(|trip| trip.reason)
     }
 
     /// The trip of the axis.
@@ -243,11 +233,6 @@ impl Axis {
             State::Holding => self.is_polled_to_hold(),
             _ => true,
         }
-    }
-
-    /// Whether so many stops stayed unconfirmed that nothing is known of the motor.
-    pub fn is_unreachable(&self) -> bool {
-        matches!(&self.state, State::Tripped(_, stop) if stop.unreachable)
     }
 
     /// Whether the axis holds and must be polled for it.
@@ -410,7 +395,7 @@ impl Axis {
     /// Leaves a trip whose stop the motor does not confirm, or a stop that cannot be sent. Unsafe:
     /// the motor may be turning.
     pub fn clear_unreachable(&mut self, out: &mut Outbox<'_>) -> Result<(), Error> {
-        if !self.is_unreachable() && !self.stop().is_some_and(|stop| stop.not_sent) {
+        if !self.stop().is_some_and(|stop| stop.unreachable || stop.not_sent) {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.doubt_motor_timeout();
