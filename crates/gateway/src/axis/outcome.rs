@@ -194,22 +194,10 @@ impl Axis {
         if hears {
             self.heard(now);
         }
-        self.take_in(now, found, &seen, received, data, out)
-    }
-
-    fn take_in(
-        &mut self,
-        now: Instant,
-        found: Match,
-        seen: &Observation,
-        received: &Received,
-        data: &[u8],
-        out: &mut Outbox<'_>,
-    ) -> Option<Unasked> {
         let (request, outcome) = match found {
             Match::Ends(request, outcome) => (request, outcome),
             Match::Late => {
-                self.late_speed(seen);
+                self.late_speed(&seen);
                 return Some(Unasked::Late);
             }
             Match::Unasked => return Some(self.unasked(now, received, out)),
@@ -217,7 +205,7 @@ impl Axis {
         self.silence = Silence::NONE;
         self.first_stop_heard();
         match outcome {
-            Outcome::Answered => self.answered(now, &request, seen, data, out),
+            Outcome::Answered => self.answered(now, &request, &seen, data, out),
             Outcome::Refused => self.refused(now, &request, out),
             Outcome::Echoed if request.exchange == Exchange::Motion => {
                 if let Some(armed) = self.armed_mut() {
