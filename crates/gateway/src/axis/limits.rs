@@ -26,21 +26,23 @@ impl Axis {
         if let Some(waits) = seen.write_pending {
             self.write_waits = waits;
         }
-        if matches!(self.state, State::Holding)
-            && seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity))
-        {
+        match self.state {
             // A motor that should hold turns. Going on with the polls would keep its own timeout
             // from stopping it.
-            self.halt(now, out);
-            if let Some(stop) = self.stop_mut() {
-                stop.from_rest = false;
+            State::Holding if self.still(seen) == Some(false) => {
+                self.halt(now, out);
+                if let Some(stop) = self.stop_mut() {
+                    stop.from_rest = false;
+                }
+                return;
             }
-            return;
+            // Something else has set it in motion. Reading on for a host that watches would do the
+            // same.
+            State::Idle if self.still(seen) == Some(false) => self.begin_pause(now),
+            _ => {}
         }
         if !self.is_armed() {
-            self.note_refusal(seen);
-            self.leave_turning_motor_alone(now, seen);
-            return;
+            return self.note_refusal(seen);
         }
         if let Some(faults) = self.barring(seen) {
             self.trip(now, TripReason::MotorFault { faults }, out);
@@ -75,15 +77,7 @@ impl Axis {
         }
     }
 
-    /// An axis at rest that is read for a host that watches, and turns: something else has set it
-    /// in motion. Reading on would keep its own timeout from stopping it.
-    fn leave_turning_motor_alone(&mut self, now: Instant, seen: &Observation) {
-        let turns = seen.velocity_rad_s.is_some_and(|velocity| !self.is_standstill(velocity));
-        if matches!(self.state, State::Idle) && turns {
-            self.begin_pause(now);
-        }
-    }
-
+    /// A motor that turns at rest is left to its own timeout from now on.
     fn begin_pause(&mut self, now: Instant) {
         let pause = self.programmed_timeout().map_or(UNKNOWN_TIMEOUT_PAUSE, Duration::and_a_half);
         self.state_poll_at = now + pause;
