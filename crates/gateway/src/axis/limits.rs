@@ -148,23 +148,14 @@ impl Axis {
         let current = self.config.limit(AxisParameter::CurrentLimitA) * (1.0 + margin);
         let torque = self.config.limit(AxisParameter::TorqueLimitNm) * (1.0 + margin);
         let hottest = self.config.limit(AxisParameter::TemperatureLimitC);
+        let hot = |value| beyond(Quantity::Temperature, value, f32::NEG_INFINITY, hottest);
         let (lowest, highest) = self.config.position_range();
+        let (lowest, highest) = (lowest - slack(lowest), highest + slack(highest));
         beyond(Quantity::Velocity, seen.velocity_rad_s, -velocity, velocity)
             .or_else(|| beyond(Quantity::Current, seen.current_a, -current, current))
             .or_else(|| beyond(Quantity::Torque, seen.torque_nm, -torque, torque))
-            .or_else(|| {
-                beyond(
-                    Quantity::Position,
-                    seen.position_rad,
-                    lowest - slack(lowest),
-                    highest + slack(highest),
-                )
-            })
-            .or_else(|| {
-                beyond(Quantity::Temperature, seen.motor_temperature_c, f32::NEG_INFINITY, hottest)
-            })
-            .or_else(|| {
-                beyond(Quantity::Temperature, seen.driver_temperature_c, f32::NEG_INFINITY, hottest)
-            })
+            .or_else(|| beyond(Quantity::Position, seen.position_rad, lowest, highest))
+            .or_else(|| hot(seen.motor_temperature_c))
+            .or_else(|| hot(seen.driver_temperature_c))
     }
 }
