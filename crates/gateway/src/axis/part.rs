@@ -107,7 +107,7 @@ impl Axis {
     }
 
     /// What is read in a period beside the setpoint: what its reply does not tell. `is_told`: that
-    /// tells the state.
+    /// tells the state where one reply tells all of it, as it does but for one of impedance.
     pub fn period_reads(
         &self,
         fields: StateFields,

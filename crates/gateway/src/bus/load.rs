@@ -4,7 +4,7 @@ use super::frame_bits::{least_frame_bits, longest_frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits, serial_of};
 use super::{Bus, bits_at};
 use crate::axis::Axis;
-use crate::protocol::{self, Exchange, Info};
+use crate::protocol::{self, Exchange};
 use crate::time::Duration;
 use core::num::NonZeroU64;
 use host_protocol::{BusConfig, BusKind, Error, StateFields};
@@ -99,7 +99,7 @@ pub(crate) fn shortest_period<'a>(
         if replies == 0 {
             cycle = cycle + unanswered_wait(bus.kind(), config);
         }
-        let reads = axis.period_reads(fields, tells_speed(axis));
+        let reads = axis.period_reads(fields, true);
         cycle = reads.fold(cycle, |cycle, read| cycle + exchange(read, 1));
         let in_a_second = |time: Duration, every: Duration| {
             time.as_micros() * SECOND_US / every.as_micros().max(1)
@@ -125,11 +125,6 @@ pub(super) fn unanswered_wait(kind: BusKind, config: &BusConfig) -> Duration {
         BusKind::Can => Duration::ZERO,
         BusKind::Rs485 => Duration::from_micros(config.reply_window_us.into()),
     }
-}
-
-/// Whether the reply to a setpoint tells the speed, but for one of impedance.
-pub(super) fn tells_speed(axis: &Axis) -> bool {
-    Info::of_axis(&axis.config).is_some_and(|info| info.angle.is_some())
 }
 
 /// The share of the bus that the polls of an axis take, each of which takes `poll`, while setpoints

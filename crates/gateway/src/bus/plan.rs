@@ -6,7 +6,7 @@ use super::frame_bits::{EXTENDED_FRAME_BITS, STANDARD_FRAME_BITS, frame_bits};
 use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits};
 use super::load::{
     REPLY_BYTES, objections, polled_permille, replies_to_motion, share, shortest_period,
-    streamed_permille, tells_speed, unanswered_wait,
+    streamed_permille, unanswered_wait,
 };
 use super::schedule::MAX_OUTSTANDING;
 use super::{Bus, bits_at};
@@ -206,8 +206,7 @@ impl Bus {
             let (request_bits, reply_bits) = self.motion_bits(axis, is_stiff);
             let poll_bits = self.poll_bits(axis).max(request_bits);
             let replies = replies_to_motion(axis);
-            let is_told = tells_speed(axis) && !is_stiff;
-            let reads = axis.period_reads(assumed.fields, is_told).count() as u64;
+            let reads = axis.period_reads(assumed.fields, !is_stiff).count() as u64;
             let objections = objections(axis, self.axes_here(axes));
             let frame = self.frame_time(1);
             let (gap, quiet) = match self.kind() {
