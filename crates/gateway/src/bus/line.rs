@@ -54,15 +54,8 @@ pub(super) struct Line {
     taken_at: Instant,
     /// When the last bit of that had left.
     sent_at: Instant,
-    /// A request that may still be answered.
-    awaited: Option<Awaited>,
-}
-
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-struct Awaited {
-    until: Instant,
-    /// Until when it delays a stop.
-    until_for_stop: Instant,
+    /// Until when that may still be answered.
+    awaited: Option<Instant>,
 }
 
 /// The times of one bus that decide who may transmit.
@@ -117,7 +110,7 @@ impl Line {
     /// From when on a frame may be sent that is no stop.
     pub fn ready_at(&self, times: LineTimes) -> Instant {
         let idle = self.active_at + times.gap;
-        self.awaited.map_or(idle, |awaited| idle.max(awaited.until))
+        self.awaited.map_or(idle, |until| idle.max(until))
     }
 
     /// From when on a stop may be sent that is due at `due`. It waits for bytes in flight, never
@@ -126,7 +119,7 @@ impl Line {
     /// then costs one repeat (GUARANTEES G5).
     pub fn stop_ready_at(&self, due: Instant, times: LineTimes) -> Instant {
         let idle = self.active_at + times.gap;
-        let free = self.awaited.map_or(idle, |awaited| idle.max(awaited.until_for_stop));
+        let free = self.awaited.map_or(idle, |_| idle.max(self.sent_at + times.stop_delay()));
         let reply = times.stop_delay() + times.frame;
         let latest = (due + times.frame + reply + times.gap).max(self.sent_at + reply);
         free.min(latest)
@@ -151,8 +144,7 @@ impl Line {
     pub fn sent(&mut self, now: Instant, times: LineTimes) {
         self.active_at = now;
         self.sent_at = now.min(self.taken_at + times.frame);
-        let (until, until_for_stop) = (now + times.window, self.sent_at + times.stop_delay());
-        self.awaited = Some(Awaited { until, until_for_stop });
+        self.awaited = Some(now + times.window);
     }
 
     /// The awaited reply has come.
