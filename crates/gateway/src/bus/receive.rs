@@ -33,7 +33,7 @@ impl Bus {
             config.protocols.iter().filter_map(|protocol| protocol::from_can(protocol, &frame))
         {
             let wanted = |axis: &&Axis| {
-                is_from(axis, self.index, &received) && protocol::accepts_id(&axis.config, &frame)
+                is_from(axis, &received) && protocol::accepts_id(&axis.config, &frame)
             };
             let sender = self.axes_here(axes).find(wanted).map(|axis| usize::from(axis.index));
             if let Some(axis) = sender.and_then(|index| axes.get_mut(index)) {
@@ -82,7 +82,7 @@ impl Bus {
         self.counters.received = self.counters.received.saturating_add(1);
         let axis = self.line.serial().and_then(|serial| {
             let received = (serial.decode)(frame)?;
-            let sender = self.axes_here(axes).find(|axis| is_from(axis, self.index, &received))?;
+            let sender = self.axes_here(axes).find(|axis| is_from(axis, &received))?;
             let data = frame.get(serial.data_at..)?.first_chunk::<MAX_CAN_DATA>()?;
             Some((axes.get_mut(usize::from(sender.index))?, received, data))
         });
@@ -121,13 +121,10 @@ fn tell(axis: u8, data: &[u8], unreported: u16, out: &mut Outbox<'_>) {
     out.event(&Event::MotorNotice { axis, data: filled(data.iter().copied()), length, unreported });
 }
 
-/// Whether a frame of this bus comes from the axis's motor: from its node, or from the new one
-/// while it changes its id.
-fn is_from(axis: &Axis, bus: u8, received: &Received) -> bool {
-    axis.config.address().is_some_and(|a| {
-        let node = received.node();
-        a.bus == bus
-            && a.protocol == received.protocol()
-            && (a.node == node || axis.awaits_node(node))
-    })
+/// Whether a frame of its bus comes from the axis's motor: from its node, or from the new one while
+/// it changes its id.
+fn is_from(axis: &Axis, received: &Received) -> bool {
+    let node = received.node();
+    axis.config.protocol() == Some(received.protocol())
+        && axis.config.node().is_some_and(|own| own == node || axis.awaits_node(node))
 }

@@ -6,7 +6,7 @@ use super::{Bus, Due, InFlight};
 use crate::axes::Axes;
 use crate::axis::{Axis, Is, Priority, Request};
 use crate::outbox::Outbox;
-use crate::port::{Outgoing, TRANSMIT_SLOTS, Transmit};
+use crate::port::{Outgoing, Transmit};
 use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Earliest, Instant};
 use heapless::Vec;
@@ -25,9 +25,6 @@ const COLLIDED_AFTER_FRAMES: u64 = 3;
 /// `TripReason::Internal` code: a command that was checked when it was accepted could not be
 /// encoded.
 const INTERNAL_ENCODING: u16 = 1;
-
-/// The slot of a frame that is sent when nothing else is on its way.
-const ORDINARY_SLOT: u8 = 0;
 
 impl Bus {
     /// The next frame, if the bus may send one now.
@@ -287,9 +284,8 @@ impl Bus {
             Exchange::Motion => within.min(axis.config.ttl()),
             _ => within,
         };
-        self.launch(now, slot, Some(axis.index), &frame, within);
-        if let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::as_mut)
-        {
+        if let Some(in_flight) = self.launch(now, slot, &frame, within) {
+            in_flight.axis = Some(axis.index);
             // The stop command with which an arming begins stops nothing that must be stopped.
             in_flight.is_stop = want.exchange.is_stop() && want.priority < Priority::Ordinary;
             in_flight.is_first_stop = want.priority.is_first_stop();
@@ -302,23 +298,24 @@ impl Bus {
         if self.raw.is_none() || !self.may_send_ordinary(now) {
             return None;
         }
+        let slot = self.free_slot()?;
         let frame = match self.raw.as_mut()?.next_to_send()? {
             RawFrame::Can(frame) => Outgoing::Can(frame),
             RawFrame::Serial(bytes) => Outgoing::Serial(Vec::from_slice(bytes.as_slice()).ok()?),
         };
         let within = ACKNOWLEDGE_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
-        self.launch(now, ORDINARY_SLOT, None, &frame, within);
-        Some(Transmit { slot: ORDINARY_SLOT, frame, is_alone })
+        self.launch(now, slot, &frame, within);
+        Some(Transmit { slot, frame, is_alone })
     }
 
+    /// The port takes a frame, nobody's as yet. Returns what is kept of it.
     fn launch(
         &mut self,
         now: Instant,
         slot: u8,
-        axis: Option<u8>,
         frame: &Outgoing,
         within: Duration,
-    ) {
+    ) -> Option<&mut InFlight> {
         let id: Option<CanId> = match frame {
             Outgoing::Can(frame) => Some(CanId(frame.id())),
             Outgoing::Serial(bytes) => {
@@ -331,22 +328,18 @@ impl Bus {
         if self.nothing_in_flight() && self.active_at + quiet_for <= now {
             self.quiet_at = now;
         }
-        if let Some(place) = self.in_flight.get_mut(usize::from(slot)) {
-            // A setpoint that takes the place of another one has no more time than that had.
-            let within = self.time_left.map_or(within, |left| left.min(within));
-            *place = Some(InFlight {
-                axis,
-                id,
-                deadline: now + within,
-                overdue: false,
-                is_stop: false,
-                is_first_stop: false,
-                is_disowned: false,
-                cancel_by: None,
-                collided_at: None,
-            });
-        }
+        // A setpoint that takes the place of another one has no more time than that had.
+        let within = self.time_left.map_or(within, |left| left.min(within));
+        Some(self.in_flight.get_mut(usize::from(slot))?.insert(InFlight {
+            axis: None,
+            id,
+            deadline: now + within,
+            overdue: false,
+            is_stop: false,
+            is_first_stop: false,
+            is_disowned: false,
+            cancel_by: None,
+            collided_at: None,
+        }))
     }
 }
-
-const _: () = assert!((ORDINARY_SLOT as usize) < TRANSMIT_SLOTS);
