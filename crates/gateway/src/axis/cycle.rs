@@ -1,9 +1,7 @@
 //! What becomes of an axis's setpoint of a cycle.
 
 use super::Axis;
-use crate::protocol::Exchange;
 use crate::time::Instant;
-use crate::transaction::Transaction;
 use host_protocol::{CycleResult, CycleState, Error, StateField, StateFields};
 use serde::{Deserialize, Serialize};
 
@@ -36,14 +34,6 @@ impl Axis {
     /// The setpoint of a cycle that has still to be answered will not be any more.
     pub(super) fn end_cycle(&mut self, result: CycleResult) {
         if self.is_cycling() {
-            self.cycling = Cycling::Over(result);
-        }
-    }
-
-    /// A request has ended so.
-    pub(super) fn motion_over(&mut self, request: &Transaction, result: CycleResult) {
-        let is_motion = request.exchange == Exchange::Motion;
-        if is_motion && self.cycling == Cycling::Waits(request.motion) {
             self.cycling = Cycling::Over(result);
         }
     }

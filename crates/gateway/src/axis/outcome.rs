@@ -222,7 +222,6 @@ impl Axis {
     fn unanswered(&mut self, now: Instant, request: &Transaction, out: &mut Outbox<'_>) {
         self.not_delivered(request);
         self.first_stop_may_be_lost(request.exchange);
-        self.motion_over(request, CycleResult::NoReply);
         self.part_over(request, CycleResult::NoReply);
         let enough = self.config.missed_replies();
         let mut silent = self.silence.goes_on(now, request.window(), enough);
@@ -274,7 +273,6 @@ impl Axis {
         if let (Some(run_time_ms), Some(asked)) = (seen.run_time_ms, request.transmitted_at()) {
             self.note_run_time(now, asked, run_time_ms, out);
         }
-        self.motion_over(request, result);
         self.part_over(request, result);
         self.judge_motion(now, request, seen, out);
         if self.stop().is_some() {

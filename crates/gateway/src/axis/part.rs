@@ -4,6 +4,7 @@
 //! expiry is what it was: a period extends no permission to move (GUARANTEES G2).
 
 use super::Axis;
+use super::cycle::Cycling;
 use super::state::State;
 use crate::protocol::{self, Exchange, Info};
 use crate::time::Instant;
@@ -141,8 +142,12 @@ impl Axis {
         self.part.is_open()
     }
 
-    /// A request has ended so.
+    /// A request has ended so: what it was in a cycle and in a period has, too.
     pub(super) fn part_over(&mut self, request: &Transaction, result: CycleResult) {
+        let is_motion = request.exchange == Exchange::Motion;
+        if is_motion && self.cycling == Cycling::Waits(request.motion) {
+            self.cycling = Cycling::Over(result);
+        }
         let part = &mut self.part;
         let is_earlier = request.transmitted_at().is_some_and(|at| at < part.since);
         // The answer to one of the period before is not that of this one; a silence is told when

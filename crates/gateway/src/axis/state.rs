@@ -250,10 +250,8 @@ impl Axis {
     fn go_to(&mut self, state: State) {
         check_transition(self.state.name(), state.name());
         self.state = state;
-        if self.motion().is_none() {
-            self.end_cycle(CycleResult::Stopped);
-        }
         if !self.is_armed() {
+            self.end_cycle(CycleResult::Stopped);
             self.stop_part();
         }
     }
