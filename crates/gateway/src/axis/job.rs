@@ -333,30 +333,22 @@ impl Axis {
             return;
         }
         if self.waits_for_restart() {
-            self.ask_restarted_again(
-                now,
-                Error::NoReply { axis: self.index, hint: NoReplyHint::None },
-                out,
-            );
-            return;
+            let error = Error::NoReply { axis: self.index, hint: NoReplyHint::None };
+            return self.ask_restarted_again(now, error, out);
         }
         let has_left = request.is_awaited();
-        let changes = matches!(
-            self.job.as_ref().map(|job| job.kind),
-            Some(JobKind::Native { asks: false, .. })
-        ) && exchange == Exchange::Native;
-        if changes && has_left && matches!(request.command.sets(), Sets::AckLevel(_)) {
-            self.step_done(now, &Observation::default(), &[], out);
-            return;
-        }
-        // Silence tells nothing of the version, and bars nothing.
-        if let Exchange::Version(read) = exchange
-            && has_left
-        {
-            if self.version_read(now, read, &[], Versions::NONE, out) {
-                self.step_done(now, &Observation::default(), &[], out);
-            }
-            return;
+        let changes = exchange == Exchange::Native
+            && matches!(self.job_kind(), Some(JobKind::Native { asks: false, .. }));
+        let goes_on = match exchange {
+            _ if !has_left => false,
+            // It is read back.
+            Exchange::Native => changes && matches!(request.command.sets(), Sets::AckLevel(_)),
+            // Silence tells nothing of the version. Where that bars the arming, the job is over.
+            Exchange::Version(read) => self.version_read(now, read, &[], Versions::NONE, out),
+            _ => false,
+        };
+        if goes_on {
+            return self.step_done(now, &Observation::default(), &[], out);
         }
         // What changes the motor is sent once: whether it was carried out is not known.
         let tries = if changes { 1 } else { self.config.missed_replies() };
@@ -526,18 +518,11 @@ impl Axis {
                 self.end_job(now, &Reply::Native(NativeReply { data }), out);
             }
             JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires } => {
-                let held = match seen.position_count {
-                    Some(start) => self.hold_relative(
-                        now,
-                        start,
-                        distance_rad,
-                        speed_limit_rad_s,
-                        expires,
-                        out,
-                    ),
-                    None => Err(Error::NoReply { axis: self.index, hint: NoReplyHint::None }),
-                };
-                match held {
+                let error = Error::NoReply { axis: self.index, hint: NoReplyHint::None };
+                let start = seen.position_count.ok_or(error);
+                match start.and_then(|start| {
+                    self.hold_relative(now, start, distance_rad, speed_limit_rad_s, expires, out)
+                }) {
                     Ok(held) => self.end_job(now, &Reply::MoveRelative(held), out),
                     Err(error) => self.fail(now, error, out),
                 }
