@@ -28,8 +28,8 @@ pub(crate) struct Transaction {
     pub once: bool,
     /// Which motion of the axis it is, if it is one.
     pub motion: u32,
-    /// By when that motion must leave.
-    deliver_by: Instant,
+    /// By when that motion must leave; [`Instant::NEVER`] where it is none.
+    pub deliver_by: Instant,
     /// The bus had taken it when the job under way began.
     pub predates_job: bool,
 }
@@ -98,9 +98,9 @@ impl Transaction {
         stops && self.exchange == Exchange::Stop
     }
 
-    /// By when the motion in it must leave, if it is one that has not left.
-    pub fn deliver_by(&self) -> Option<Instant> {
-        (self.exchange == Exchange::Motion && self.is_with_port()).then_some(self.deliver_by)
+    /// By when the motion in it must leave; [`Instant::NEVER`] where it is none, or has left.
+    pub fn deliver_by(&self) -> Instant {
+        if self.is_with_port() { self.deliver_by } else { Instant::NEVER }
     }
 }
 
@@ -115,16 +115,6 @@ struct Holdoff {
 
 impl Holdoff {
     const NONE: Self = Self { is_motion: false, until: Instant::from_micros(0) };
-}
-
-/// What of a motion a request must remember.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct MotionMark {
-    /// Which motion of the axis it is.
-    pub number: u32,
-    pub once: bool,
-    /// By when it must leave.
-    pub deliver_by: Instant,
 }
 
 /// The requests of one axis.
@@ -214,28 +204,27 @@ impl Transactions {
         }
     }
 
-    /// The bus has taken a request.
+    /// The bus has taken a request, which is no motion until its axis says so.
     pub fn begin(
         &mut self,
         now: Instant,
         exchange: Exchange,
         command: Command,
         slot: u8,
-        mark: Option<MotionMark>,
         config: &AxisConfig,
-    ) {
-        let mark = mark.unwrap_or(MotionMark { number: 0, once: false, deliver_by: now });
-        self.current = Some(Transaction {
+    ) -> &mut Transaction {
+        let unambiguous = !self.may_answer_an_older(now, &command, config);
+        self.current.insert(Transaction {
             exchange,
             command,
             slot,
             stage: Stage::WithPort,
-            unambiguous: !self.may_answer_an_older(now, &command, config),
-            once: mark.once,
-            motion: mark.number,
-            deliver_by: mark.deliver_by,
+            unambiguous,
+            once: false,
+            motion: 0,
+            deliver_by: Instant::NEVER,
             predates_job: false,
-        });
+        })
     }
 
     /// The frame in `slot` has left, and its reply may come within `window`. Returns the request

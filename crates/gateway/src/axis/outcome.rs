@@ -7,7 +7,7 @@ use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol::{self, Command, Exchange, Info, Outcome, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
-use crate::transaction::{Match, MotionMark, Transaction};
+use crate::transaction::{Match, Transaction};
 use host_protocol::{CycleResult, Error, TripReason};
 use serde::{Deserialize, Serialize};
 
@@ -44,15 +44,14 @@ impl Silence {
 impl Axis {
     /// The bus has taken what the axis wanted.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, command: Command, slot: u8) {
-        let mark = match &self.state {
-            State::Active(armed, motion) if exchange == Exchange::Motion => Some(MotionMark {
-                number: motion.number,
-                once: motion.once,
-                deliver_by: armed.deliver_by,
-            }),
-            _ => None,
-        };
-        self.transactions.begin(now, exchange, command, slot, mark, &self.config);
+        let Self { transactions, state, config, .. } = self;
+        let request = transactions.begin(now, exchange, command, slot, config);
+        if let State::Active(armed, motion) = state
+            && exchange == Exchange::Motion
+        {
+            (request.motion, request.once) = (armed.motions, motion.once);
+            request.deliver_by = armed.deliver_by;
+        }
         self.note_handed(now, exchange);
         self.note_restart(now, exchange, &command);
     }
@@ -378,8 +377,8 @@ impl Axis {
 
     /// The bus has not sent what it had taken.
     fn not_delivered(&mut self, request: &Transaction) {
-        if let (Some(by), Some(armed)) = (request.deliver_by(), self.armed_mut()) {
-            armed.deliver_by = armed.deliver_by.min(by);
+        if let Some(armed) = self.armed_mut() {
+            armed.deliver_by = armed.deliver_by.min(request.deliver_by());
         }
     }
 
@@ -389,8 +388,8 @@ impl Axis {
     /// has left, never at who should have sent it.
     pub fn delivery_due_at(&self) -> Option<Instant> {
         let State::Active(armed, _) = &self.state else { return None };
-        let taken = self.transactions.current().and_then(Transaction::deliver_by);
-        let deliver_by = taken.map_or(armed.deliver_by, |by| by.min(armed.deliver_by));
+        let taken = self.transactions.current().map_or(Instant::NEVER, Transaction::deliver_by);
+        let deliver_by = taken.min(armed.deliver_by);
         (deliver_by < Instant::NEVER).then_some(deliver_by)
     }
 }

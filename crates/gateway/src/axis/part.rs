@@ -85,9 +85,9 @@ impl Axis {
         };
         let mut is_told = false;
         match &mut self.state {
-            State::Active(_, motion) => {
+            State::Active(armed, motion) => {
                 // One that must not be sent twice is not.
-                part.motion = motion.due.map(|_| motion.number);
+                part.motion = motion.due.map(|_| armed.motions);
                 motion.due = motion.due.map(|due| due.min(now));
                 is_told = part.motion.is_some() && protocol::tells_state(&motion.command);
             }

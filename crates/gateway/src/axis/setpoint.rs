@@ -14,8 +14,6 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Motion {
     pub command: Command,
-    /// Counts the motions of the axis.
-    pub number: u32,
     /// When the permission to move ends; `None` only where the axis is configured without expiry,
     /// which is unsafe.
     pub expires: Option<Instant>,
@@ -170,7 +168,7 @@ impl Axis {
         let Some(armed) = self.armed_mut() else { return };
         armed.echo.is_doubtful = stays_doubtful;
         armed.motions = armed.motions.wrapping_add(1);
-        let motion = Motion { command, number: armed.motions, expires, due: Some(due), once };
+        let motion = Motion { command, expires, due: Some(due), once };
         match &mut self.state {
             State::Active(armed, before) => {
                 armed.deliver_by = armed.deliver_by.min(deliver_by);
@@ -225,7 +223,7 @@ impl Axis {
 
     /// Whether it is this motion that the mailbox holds.
     pub(super) fn is_latest(&self, number: u32) -> bool {
-        self.motion().is_some_and(|motion| motion.number == number)
+        matches!(&self.state, State::Active(armed, _) if armed.motions == number)
     }
 
     /// Plans what comes after an exchange that the bus has just taken.

@@ -38,7 +38,7 @@ pub(super) enum State {
 pub(super) struct Armed {
     /// Setpoints must carry it.
     pub epoch: u32,
-    /// Motions since arming.
+    /// Motions since arming: the number of the one in force.
     pub motions: u32,
     pub fault_poll_at: Instant,
     /// After a motion frame whatever else is due goes first, so that fast setpoints starve no
