@@ -9,57 +9,51 @@ use super::Axis;
 use crate::protocol::{Exchange, Info};
 use serde::{Deserialize, Serialize};
 
-/// What of that stop has still to leave.
-/// `heard`: the motor has answered something since the stop command left; before that it may have
-/// left on a cut cable, acknowledged by another node.
+/// That stop: the stop command, and what ends a move to a position.
+const STEPS: [Exchange; 2] = [Exchange::Stop, Exchange::PositionStop];
+
+/// How much of it has left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum FirstStop {
-    Owed,
-    /// What ends a move to a position.
-    EndOwed {
-        heard: bool,
-    },
-    Over {
-        heard: bool,
-    },
+pub(super) struct FirstStop {
+    /// How many of its [`STEPS`].
+    left: u8,
+    /// The motor has answered something since the first of them left; before that it may have left
+    /// on a cut cable, acknowledged by another node.
+    heard: bool,
+}
+
+impl FirstStop {
+    pub const OWED: Self = Self { left: 0, heard: false };
+
+    /// What has to leave next; `None` where all has left.
+    fn step(self) -> Option<Exchange> {
+        STEPS.get(usize::from(self.left)).copied()
+    }
 }
 
 impl Axis {
     /// What goes out before anything that is asked of a motor at rest.
     pub(super) fn owed_first(&self) -> Option<Exchange> {
-        let exchange = match self.first_stop {
-            FirstStop::Owed => Exchange::Stop,
-            FirstStop::EndOwed { .. } => Exchange::PositionStop,
-            FirstStop::Over { .. } => return None,
-        };
+        let exchange = self.first_stop.step()?;
         let info = Info::of_axis(&self.config)?;
         (info.resumes_when_asked && self.can(exchange)).then_some(exchange)
     }
 
     /// A command has left, of whatever stop.
     pub(super) fn note_first_stop(&mut self, exchange: Exchange) {
-        self.first_stop = match (self.first_stop, exchange) {
-            (FirstStop::Owed, Exchange::Stop) => FirstStop::EndOwed { heard: false },
-            (FirstStop::EndOwed { heard }, Exchange::PositionStop) => FirstStop::Over { heard },
-            (known, _) => known,
-        };
+        self.first_stop.left += u8::from(self.first_stop.step() == Some(exchange));
     }
 
-    /// The motor has answered.
+    /// The motor has answered: before any of it had left that says nothing.
     pub(super) fn first_stop_heard(&mut self) {
-        if let FirstStop::EndOwed { heard } | FirstStop::Over { heard } = &mut self.first_stop {
-            *heard = true;
-        }
+        self.first_stop.heard = self.first_stop.left > 0;
     }
 
     /// The motor has not answered this: if it has answered nothing since its first stop, that is
     /// owed before the next question.
     pub(super) fn first_stop_may_be_lost(&mut self, exchange: Exchange) {
-        if let FirstStop::EndOwed { heard: false } | FirstStop::Over { heard: false } =
-            self.first_stop
-            && !exchange.is_stop()
-        {
-            self.first_stop = FirstStop::Owed;
+        if !self.first_stop.heard && !exchange.is_stop() {
+            self.first_stop = FirstStop::OWED;
         }
     }
 }

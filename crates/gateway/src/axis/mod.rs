@@ -133,7 +133,7 @@ impl Axis {
             restarts_until: Instant::from_micros(0),
             restart_owed: false,
             write_waits: false,
-            first_stop: FirstStop::Owed,
+            first_stop: FirstStop::OWED,
             evidence: Evidence::NONE,
             is_unsaved: false,
             row_was_told: false,
@@ -155,7 +155,7 @@ impl Axis {
         if moved {
             self.transactions.forget();
             self.silence = Silence::NONE;
-            self.first_stop = FirstStop::Owed;
+            self.first_stop = FirstStop::OWED;
             self.state_poll_at = Instant::default();
             self.forget_motor_timeout();
             self.run_time = RunTime::UNKNOWN;

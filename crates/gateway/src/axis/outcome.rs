@@ -146,7 +146,7 @@ impl Axis {
     pub fn forget_requests(&mut self, now: Instant, out: &mut Outbox<'_>) {
         self.transactions.forget_former();
         // Who answers there may be another one.
-        self.first_stop = FirstStop::Owed;
+        self.first_stop = FirstStop::OWED;
         let not_left = self.transactions.with_port().filter(|exchange| exchange.is_stop());
         self.give_up(now, out);
         if let (Some(exchange), Some(stop)) = (not_left, self.stop_mut()) {

@@ -397,7 +397,7 @@ impl Axis {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.doubt_motor_timeout();
-        self.first_stop = FirstStop::Owed;
+        self.first_stop = FirstStop::OWED;
         self.transactions.preempt();
         self.enter(State::Idle, out);
         Ok(())
