@@ -5,7 +5,7 @@
 //! [`Axes::settle`] works its words out anew: what an event costs depends on the axes that it
 //! touches.
 
-use crate::axis::{Axis, Is, Look, Traffic};
+use crate::axis::{Axis, Is, Look};
 use crate::set::Set;
 use crate::time::Instant;
 use crate::{MAX_AXES, MAX_BUSES};
@@ -21,24 +21,7 @@ struct Kept {
     on: [Set; MAX_BUSES],
     /// By [`Is`].
     which: [Set; Is::COUNT],
-    each: [KeptOfOne; MAX_AXES],
-}
-
-/// What is kept of one axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct KeptOfOne {
-    look: Look,
-    traffic: Traffic,
-}
-
-/// What has changed of an axis.
-struct Change {
-    /// When it was due before.
-    was_due: Instant,
-    /// The buses that it is and was on.
-    buses: Set,
-    /// Its traffic is another one.
-    is_new_traffic: bool,
+    each: [Look; MAX_AXES],
 }
 
 impl Default for Kept {
@@ -51,34 +34,31 @@ impl Kept {
     const NONE: Self = Self {
         on: [Set::NONE; MAX_BUSES],
         which: [Set::NONE; Is::COUNT],
-        each: [const { KeptOfOne { look: Look::NONE, traffic: Traffic::NONE } }; MAX_AXES],
+        each: [Look::NONE; MAX_AXES],
     };
 
-    /// Keeps this of one axis.
+    /// Keeps this of one axis. Returns what was kept of it before.
     #[inline(always)]
-    fn put(&mut self, index: usize, look: Look, traffic: Traffic) -> Option<Change> {
+    fn put(&mut self, index: usize, look: Look) -> Option<Look> {
         let one = Set::of(index);
-        let kept = self.each.get_mut(index)?;
-        let mut changed = kept.look.flags ^ look.flags;
+        let was = core::mem::replace(self.each.get_mut(index)?, look);
+        let mut changed = was.flags ^ look.flags;
         while changed != 0 {
             if let Some(set) = self.which.get_mut(changed.trailing_zeros() as usize) {
                 set.toggle(one);
             }
             changed &= changed - 1;
         }
-        let was = core::mem::replace(kept, KeptOfOne { look, traffic });
-        let is_new_traffic = was.traffic != traffic;
-        if is_new_traffic {
+        if was.traffic() != look.traffic() {
             for (here, set) in self.on.iter_mut().enumerate() {
-                set.put(one, traffic.bus.has(here));
+                set.put(one, look.bus.has(here));
             }
         }
-        let buses = was.traffic.bus.with(traffic.bus);
-        Some(Change { was_due: was.look.due, buses, is_new_traffic })
+        Some(was)
     }
 
     fn due(&self, index: usize) -> Instant {
-        self.each.get(index).map_or(Instant::NEVER, |kept| kept.look.due)
+        self.each.get(index).map_or(Instant::NEVER, |kept| kept.due)
     }
 }
 
@@ -218,7 +198,7 @@ impl Axes {
         time: impl Fn(&Look) -> Instant,
     ) -> impl Iterator<Item = (usize, Instant)> {
         set.into_iter()
-            .filter_map(move |index| Some((index, time(&self.kept.each.get(index)?.look))))
+            .filter_map(move |index| Some((index, time(self.kept.each.get(index)?))))
             .filter(|(_, at)| *at < Instant::NEVER)
     }
 
@@ -262,21 +242,22 @@ impl Axes {
             return Set::NONE;
         }
         let mut buses = Set::NONE;
-        let mut is_new_traffic = false;
         for index in touched {
             let Some(axis) = self.axes.get(index) else { continue };
             let look = Look::at(axis, now, after);
-            let Some(change) = self.kept.put(index, look, axis.traffic()) else { continue };
-            buses.add(change.buses);
-            is_new_traffic |= change.is_new_traffic;
+            let Some(was) = self.kept.put(index, look) else { continue };
+            let here = was.bus.with(look.bus);
+            buses.add(here);
+            if was.traffic() != look.traffic() {
+                self.new_traffic.add(here);
+            }
             if look.due <= self.none_due_before {
                 (self.none_due_before, self.is_first_known) = (look.due, true);
-            } else if change.was_due <= self.none_due_before {
+            } else if was.due <= self.none_due_before {
                 // Another one may be first where this one was.
                 self.is_first_known = false;
             }
         }
-        self.new_traffic.add(if is_new_traffic { buses } else { Set::NONE });
         buses
     }
 
@@ -310,12 +291,8 @@ impl Axes {
     pub fn assert_kept(&self, now: Instant, after: Instant, unstopped: Set) {
         let mut fresh = Kept::NONE;
         for (axis, kept) in self.axes.iter().zip(&self.kept.each) {
-            let (look, traffic) = if unstopped.has(axis.index) {
-                (kept.look, kept.traffic)
-            } else {
-                (Look::at(axis, now, after), axis.traffic())
-            };
-            fresh.put(axis.index.into(), look, traffic);
+            let look = if unstopped.has(axis.index) { *kept } else { Look::at(axis, now, after) };
+            fresh.put(axis.index.into(), look);
         }
         assert_eq!(self.touched, Set::NONE, "axes that are not settled");
         assert_eq!(fresh, self.kept);

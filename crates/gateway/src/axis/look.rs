@@ -2,6 +2,7 @@
 
 use super::state::State;
 use super::{Axis, Stop};
+use crate::set::Set;
 use crate::time::Instant;
 
 /// What is asked of axes as a set.
@@ -61,20 +62,33 @@ pub(crate) struct Look {
     pub stop_due: Instant,
     /// Since when a command of its stop has not left; [`Instant::NEVER`] where none is owed.
     pub stop_unsent_since: Instant,
+    /// The bus that it is on.
+    pub bus: Set,
+    config_version: u16,
+    /// Its motor answers requests to others.
+    objects: bool,
 }
 
 impl Look {
-    /// At an axis of which nothing is so.
+    /// At an axis of which nothing is so, without configuration.
     pub const NONE: Self = Self {
         flags: 0,
         due: Instant::NEVER,
         stop_due: Instant::NEVER,
         stop_unsent_since: Instant::NEVER,
+        bus: Set::NONE,
+        config_version: 0,
+        objects: false,
     };
 
     /// At an axis at `now`. `after`: what was due until then has been done.
     pub fn at(axis: &Axis, now: Instant, after: Instant) -> Self {
-        let mut look = Self::NONE;
+        let mut look = Self {
+            bus: axis.config.bus().map_or(Set::NONE, Set::of),
+            config_version: axis.config.version(),
+            objects: axis.transactions.objects,
+            ..Self::NONE
+        };
         look.note(Is::Unsaved, axis.is_unsaved);
         if !axis.is_configured() {
             return look;
@@ -109,6 +123,12 @@ impl Look {
             look.stop_unsent_since = axis.unsent_stop_since().unwrap_or(Instant::NEVER);
         }
         look
+    }
+
+    /// What of the axis decides how long others wait on its bus: where it is another its bus must
+    /// work that out anew.
+    pub fn traffic(&self) -> (Set, u16, bool) {
+        (self.bus, self.config_version, self.objects)
     }
 
     /// What is so of a state. Returns when something of it is over.

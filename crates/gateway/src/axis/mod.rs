@@ -36,7 +36,6 @@ use crate::config::AxisConfig;
 use crate::measured::{Measured, Observation};
 use crate::outbox::Outbox;
 use crate::protocol::{self, Evidence};
-use crate::set::Set;
 use crate::time::{Duration, Instant};
 use crate::transaction::Transactions;
 use angle::Angle;
@@ -272,29 +271,4 @@ impl Axis {
             missing: self.config.missing().map(|parameter| parameter.number()),
         }
     }
-
-    /// What of the axis decides how long others wait on its bus.
-    pub fn traffic(&self) -> Traffic {
-        Traffic {
-            bus: self.config.bus().map_or(Set::NONE, Set::of),
-            config_version: self.config.version(),
-            objects: self.transactions.objects,
-        }
-    }
-}
-
-/// What of an axis decides how long others wait on its bus: another one where its bus must work
-/// that out anew.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Traffic {
-    /// The bus that it is on.
-    pub bus: Set,
-    config_version: u16,
-    /// Its motor answers requests to others.
-    objects: bool,
-}
-
-impl Traffic {
-    /// Of an axis without configuration.
-    pub const NONE: Self = Self { bus: Set::NONE, config_version: 0, objects: false };
 }
