@@ -94,11 +94,7 @@ impl Axis {
     ) -> Result<(), Error> {
         // What does not depend on the position is refused before it is read.
         rules::check_move(self.index, distance_rad, speed_limit_rad_s, &self.config)?;
-        self.make_way(now, out);
         self.supersede(now, out);
-        if self.is_busy() {
-            return Err(Error::Busy { axis: self.index });
-        }
         self.start(
             now,
             JobKind::MoveRelative { distance_rad, speed_limit_rad_s, expires },
