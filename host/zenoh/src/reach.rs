@@ -5,7 +5,7 @@ use std::net::TcpListener;
 use std::thread;
 
 use mgw_client::{
-    ClientError, TcpTransport, Transport, check_name, open, open_halves, server_port,
+    ClientError, TcpTransport, Transport, check_shared_name, open, open_halves, server_port,
 };
 use mgw_serve::Listener;
 
@@ -36,11 +36,11 @@ impl Reach {
     ) -> Result<Self, String> {
         match (server, port) {
             (Some(server), _) => {
-                check_name(server).map_err(|error| error.to_string())?;
+                check_shared_name(server).map_err(|error| error.to_string())?;
                 Ok(Self::Server(server.to_owned()))
             }
             (None, Some(port)) => {
-                check_name(port).map_err(|error| error.to_string())?;
+                check_shared_name(port).map_err(|error| error.to_string())?;
                 own(port.to_owned(), log).map_err(|error| format!("no server: {error}"))
             }
             (None, None) => server_port().map(Self::Server).ok_or_else(|| {
@@ -67,12 +67,12 @@ impl Reach {
 }
 
 /// A server on a port that nobody else has, for this program alone.
-fn own(port: String, mut log: impl FnMut(&str) + Send + 'static) -> std::io::Result<Reach> {
+fn own(port: String, log: impl FnMut(&str) + Send + 'static) -> std::io::Result<Reach> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let address = listener.local_addr()?.to_string();
     let token = mgw_view::new_token()?;
     let listeners = vec![Listener::Tcp(listener, Some(token.clone()))];
     let cable = move || open_halves(&port).map_err(|error| error.to_string());
-    thread::spawn(move || mgw_serve::serve(listeners, cable, |line: &str| log(line), None));
+    thread::spawn(move || mgw_serve::serve(listeners, cable, log, None));
     Ok(Reach::Own { address, token })
 }
