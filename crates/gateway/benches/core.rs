@@ -201,7 +201,7 @@ impl Bench {
         self.now_us += EXCHANGE_US / 2;
         self.handle(Event::Transmitted { bus, slot: transmit.slot });
         self.now_us += EXCHANGE_US / 2;
-        let frame = answer(transmit);
+        let frame = answer(transmit, self.now_us);
         self.handle(Event::CanReceived { bus, frame });
     }
 
@@ -219,8 +219,9 @@ impl Bench {
     }
 }
 
-/// What an RMD answers: zeros, as one that stands still; the speed that it was told.
-fn answer(transmit: &Transmit) -> CanFrame {
+/// What an RMD answers: zeros, as one that stands still; the speed that it was told; and for how long
+/// it has run.
+fn answer(transmit: &Transmit, now_us: u64) -> CanFrame {
     let Outgoing::Can(frame) = &transmit.frame else { panic!("no CAN frame") };
     let embedded_can::Id::Standard(id) = frame.id() else { panic!("an extended id") };
     let mut data = [0; 8];
@@ -229,6 +230,11 @@ fn answer(transmit: &Transmit) -> CanFrame {
         let centidegrees = i32::from_le_bytes([data[4], data[5], data[6], data[7]]);
         let [low, high] = i16::try_from(centidegrees / 100).expect("slow enough").to_le_bytes();
         data = [0xA2, 30, 0, 0, low, high, 0, 0];
+    }
+    if data[0] == 0xB1 {
+        let run_time_ms = u32::try_from(now_us / 1_000).expect("short");
+        let [a, b, c, d] = run_time_ms.to_le_bytes();
+        data = [0xB1, 0, 0, 0, a, b, c, d];
     }
     CanFrame::standard(id.as_raw() + 0x100, &data).expect("an id of a motor")
 }
@@ -299,7 +305,7 @@ fn prepare_reply(bench: &mut Bench) -> Bytes {
         bench.now_us += EXCHANGE_US / 2;
         bench.handle(Event::Transmitted { bus, slot: transmit.slot });
         bench.now_us += EXCHANGE_US / 2;
-        let frame = answer(&transmit);
+        let frame = answer(&transmit, bench.now_us);
         if after.on_wire.is_empty() {
             let embedded_can::Id::Standard(id) = frame.id() else { unreachable!() };
             let [low, high] = id.as_raw().to_le_bytes();

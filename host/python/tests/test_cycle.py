@@ -269,6 +269,38 @@ def test_a_hold_that_is_cancelled_stops_its_motors_and_a_wait_that_is_stops_none
     asyncio.run(asyncio.wait_for(program(), 60.0))
 
 
+def test_a_stop_waits_for_no_other_work_of_the_program(served: Simulator) -> None:
+    """Neither for the threads of the event loop, which are busy, nor for a hold of its session; and
+    it is sent though nobody awaits it any more."""
+    free = threading.Event()
+
+    async def program() -> None:
+        loop = asyncio.get_running_loop()
+        busy = [loop.run_in_executor(None, free.wait) for _ in range(64)]
+        async with AsyncGateway(served.connect()) as gateway:
+            armed = (await gateway.arm(0)).armed
+            velocity = [make_velocity(0, 2.0)]
+            hold = gateway.call(lambda _: armed.hold(velocity, 3600.0))
+            holding = asyncio.create_task(hold)
+            while served.motors()[0]["velocity_rad_s"] < 1.0:
+                await asyncio.sleep(0.01)
+            stop = asyncio.create_task(gateway.stop(0))
+            await asyncio.sleep(0)
+            stop.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await stop
+            with pytest.raises(MotorGatewayError):
+                await holding
+            await gateway.call(lambda inner: inner.wait_until_stopped(0))
+        free.set()
+        await asyncio.gather(*busy)
+
+    try:
+        asyncio.run(asyncio.wait_for(program(), 60.0))
+    finally:
+        free.set()
+
+
 def test_an_event_loop_that_hangs_keeps_nothing_in_motion(served: Simulator) -> None:
     import time
 

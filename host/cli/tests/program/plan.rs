@@ -42,6 +42,27 @@ fn eight_axes_on_two_buses_are_as_fast_as_four_on_one() {
     assert_eq!(line(&["--no-positions"])["out_us"], 640);
 }
 
+/// BENCHMARKS.md prints what this computes.
+#[test]
+fn the_table_of_the_benchmarks_is_that_of_the_plan() {
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../BENCHMARKS.md"));
+    let page = page.unwrap();
+    for (host, name) in [("921600", "921,600 baud"), ("2000000", "2,000,000 baud")] {
+        for (setpoints, more) in [("positions", &[][..]), ("velocities", &["--no-positions"])] {
+            let planned = plan(&[&[EIGHT, "--host", host], more].concat()).1["plan"].clone();
+            let (line, rate) = (&planned["host"], &planned["rate_hz"]);
+            let (out, back) = (&line["out_bytes"], &line["back_bytes"]);
+            let rate = rate.as_f64().expect("a rate");
+            let row = format!("| {name} | {setpoints} | {out}, {back} | {rate:.1} Hz |");
+            assert!(page.contains(&row), "{row}");
+        }
+    }
+    let usb = rate(&[EIGHT, "--host", "usb"]);
+    assert!(page.contains(&format!(
+        "| USB, its time counted as nothing | either | 96 or 64, 132 | {usb:.1} Hz |"
+    )));
+}
+
 #[test]
 fn whatever_makes_it_harder_makes_it_slower() {
     let before = rate(&[EIGHT]);
