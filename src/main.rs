@@ -52,9 +52,9 @@ async fn main(spawner: embassy_executor::Spawner) {
     use shared_gateway::SharedGateway;
     use starts::{Begins, Start};
 
-    board::cache_instructions();
     let boot = board::boot_reason();
     usb::bootloader::start_if_asked_for(boot);
+    board::cache_instructions();
     fault::guard_stack();
     watchdog::start();
     let words = retained::start(boot);

@@ -7,8 +7,8 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, Protocol, Request, Setpoint,
-    StopAction, StopTarget, TripReason, Value, requests,
+    AxisParameter, AxisState, ClearTarget, Error, Event as HostEvent, MAX_FRAME, Protocol, Request,
+    Setpoint, StopAction, StopTarget, TripReason, Value, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -178,6 +178,24 @@ fn a_setpoint_that_has_expired_is_not_handed_out_even_before_the_core_is_told_th
         rig.run(2_000);
         let refreshed = rig.gateway.poll_transmit(due, 0);
         assert_eq!(refreshed.is_some(), goes_out, "{refreshed:?}");
+    }
+}
+
+/// Nor is a native motion, which is a job of its axis.
+#[test]
+fn a_native_motion_that_has_expired_is_not_handed_out() {
+    for (late_us, goes_out) in [(0, true), (81_000, false)] {
+        let (mut rig, _) = bench::rmd(StopAction::Coast);
+        bench::parameter(&mut rig, 0, AxisParameter::StatePollUs, Value::Unsigned(1_000_000));
+        bench::parameter(&mut rig, 0, AxisParameter::FaultPollUs, Value::Unsigned(1_000_000));
+        let epoch = arm(&mut rig);
+        let mut frame = [0; MAX_FRAME];
+        let request = bench::native(&rig, epoch, "A200000010270000");
+        let length = request.encode_frame(0x7000, &mut frame).unwrap();
+        rig.take_in(gateway::Event::HostBytes { link: 0, bytes: &frame[..length] });
+        let later = rig.now() + gateway::Duration::from_micros(late_us);
+        let handed = rig.gateway.poll_transmit(later, 0);
+        assert_eq!(handed.is_some(), goes_out, "{handed:?}");
     }
 }
 

@@ -47,6 +47,9 @@ fn main() -> ! {
             }
             start(active.addresses().start)
         }
+        // The ROM bootloader does not feed the watchdog: it is entered by the next start, which
+        // exchanges nothing.
+        Next::NoImage if is_watched => wait(),
         // A probe or DFU brings one.
         Next::NoImage => start(ROM_BOOTLOADER),
         // The watchdog restarts it, and it tries again.

@@ -21,14 +21,20 @@ pub fn start() {
 /// Behind an exchange: has it count as an image expects, which waits for its own time only so long.
 /// An image that hangs before it sets that is ended within 512 ms.
 pub fn hand_over() {
+    settle();
     IWDG1.kr().write(|w| w.set_key(Key::ENABLE));
     IWDG1.pr().write(|w| w.set_pr(Pr::DIVIDE_BY4));
+    settle();
+    feed();
+}
+
+/// Waits until what was set has reached it: before, it takes nothing else.
+fn settle() {
     for _ in 0..SETTLING_POLLS {
         if IWDG1.sr().read().0 == 0 {
             break;
         }
     }
-    feed();
 }
 
 /// Feeds it.

@@ -62,15 +62,20 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
     let reach = Reach::new(address, token.clone());
     let page_token = token.clone();
     let mut listeners = vec![Listener::Tcp(listener, token)];
-    tell_listening(out, &format!("tcp:{address}"))?;
+    let mut ports = vec![format!("tcp:{address}")];
     if let Some(path) = socket.clone().or_else(server_socket) {
         listeners.push(unix(&path)?);
-        tell_listening(out, &format!("unix:{}", path.display()))?;
+        ports.push(format!("unix:{}", path.display()));
     }
     let tap = match record {
-        Some(path) => Some(tap(Recording::start(written.place(path.clone()), out.motors)?, out)),
+        Some(path) => {
+            let place = written.place(path.clone());
+            Recording::refuse_existing(&place)?;
+            Some(tap(Recording::start(place, out.motors)?, out))
+        }
         None => None,
     };
+    ports.iter().try_for_each(|port| tell_listening(out, port))?;
     if let Some(view) = View::open(view, page_token.as_deref(), out)? {
         view.start(reach);
     }

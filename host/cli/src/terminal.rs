@@ -131,16 +131,15 @@ fn typed_line() -> Receiver<String> {
 }
 
 /// The line that is typed, before there is a session; nothing where Ctrl-C comes first.
-pub fn answer() -> String {
+pub fn answer() -> Option<String> {
     let heard = typed_line();
     while !interrupt::is_raised() {
         match heard.recv_timeout(LISTEN_EVERY) {
-            Ok(answer) => return answer,
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => break,
+            answered => return answered.ok(),
         }
     }
-    String::new()
+    None
 }
 
 /// Whether colours are wanted.

@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 
 use futures_channel::oneshot;
 use host_protocol::replies::{Armed, AxisReport, HelloReply};
-use host_protocol::requests::Ping;
-use host_protocol::{Call, CycleState, EventMessage, Setpoint, StateFields, StopTarget};
+use host_protocol::{CycleState, EventMessage, Setpoint, StateFields, StopTarget};
 
 use crate::client::Client;
 use crate::cycle::AxisSetpoint;
@@ -204,9 +203,8 @@ fn serve(
     loop {
         match to_do.recv_timeout(LOOK_EVERY) {
             Ok(task) => task(&mut client),
-            // Nobody waits for what comes of it: the next call tells.
-            Err(RecvTimeoutError::Timeout) => drop(client.heed_interrupt(Ping::NUMBER)),
-            Err(RecvTimeoutError::Disconnected) => return,
+            Err(RecvTimeoutError::Timeout) => client.heed_between_calls(),
+            Err(RecvTimeoutError::Disconnected) => return client.heed_between_calls(),
         }
     }
 }

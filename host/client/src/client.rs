@@ -243,14 +243,21 @@ impl<T: Transport> Client<T> {
     /// The next frames written are these stops, again and again until each is answered.
     pub(crate) fn until_stopped(&mut self, requests: &[StopRequest]) -> Result<(), ClientError> {
         let Self { transport, inbox, baud, sequence, .. } = self;
-        if until_answered(transport, inbox, baud, sequence, requests)? {
+        let mut reopened = false;
+        let stopped = until_answered(transport, inbox, baud, sequence, requests, &mut reopened);
+        if reopened {
             // To the gateway this may be another link: what it says by itself comes after a hello.
-            // The stop was taken, whatever becomes of that.
             self.clock.reset();
             self.clock.expect_another();
-            let _ = self.greet_anew();
         }
-        Ok(())
+        stopped?;
+        match self.greet_anew() {
+            Err(error @ (ClientError::Interrupted { .. } | ClientError::StopUnanswered { .. })) => {
+                Err(error)
+            }
+            // The stop was taken, whatever becomes of the hello.
+            _ => Ok(()),
+        }
     }
 
     /// Arming an axis is about to be asked for: it is stopped with the others. Whether it was not
@@ -300,16 +307,16 @@ impl<T: Transport> Client<T> {
     /// Begins a session, and what was subscribed to in it, with a gateway that a ping has shown to
     /// have restarted behind an open connection, or whose connection was opened again: without one
     /// it tells no events. Where that fails the next call tries again.
-    fn greet_anew(&mut self) -> Result<(), ClientError> {
+    pub(crate) fn greet_anew(&mut self) -> Result<(), ClientError> {
         if !self.clock.has_restarted() {
             return Ok(());
         }
         self.say_hello()?;
         let Some(subscription) = self.subscription else { return Ok(()) };
         let made = self.subscribe_as(subscription);
-        match made {
+        match &made {
             Ok(()) => {}
-            Err(ClientError::Gateway(_)) => self.subscription = None,
+            Err(ClientError::Gateway(error)) if !is_passing(error) => self.subscription = None,
             Err(_) => self.clock.expect_another(),
         }
         made
@@ -524,4 +531,9 @@ fn name_refusal(error: ClientError) -> ClientError {
 fn expiry_after(now_us: u64, ttl: Duration) -> u32 {
     let ttl_us = u64::try_from(ttl.min(LONGEST_TTL).as_micros()).unwrap_or(u64::MAX);
     now_us.wrapping_add(ttl_us) as u32
+}
+
+/// Whether the gateway refuses what it may take a moment later.
+fn is_passing(error: &Error) -> bool {
+    matches!(error, Error::GatewayAway {} | Error::NoSession {} | Error::Busy { .. })
 }

@@ -336,6 +336,8 @@ impl<T: Transport> Client<T> {
         // An interrupt that came before has nothing to stop here, and another host may be moving
         // the axis.
         self.heed_interrupt(ask::Arm::NUMBER)?;
+        // A session that begins ends what was armed in another.
+        self.greet_anew()?;
         // Noted before it is asked for: an answer that is lost may have armed it all the same.
         let is_new = self.note_arming(axis);
         let armed =

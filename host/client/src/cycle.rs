@@ -78,6 +78,7 @@ impl<T: Transport> Client<T> {
     pub fn arm_together(&mut self, axes: &[u8]) -> Result<u32, ClientError> {
         let request = ask::ArmTogether { axes: mask(axes.iter().copied())? };
         self.heed_interrupt(ask::ArmTogether::NUMBER)?;
+        self.greet_anew()?;
         // Noted before it is asked for: an answer that is lost may have armed them all the same.
         let new: Vec<u8> = axes.iter().copied().filter(|axis| self.note_arming(*axis)).collect();
         let armed = self.request_within(&request, MOTOR_DEADLINE).inspect_err(|error| {

@@ -107,20 +107,21 @@ impl Stops {
     }
 }
 
-/// Writes stops, and again until each is answered. A connection that fails is opened again; whether
-/// it was.
+/// Writes stops, and again until each is answered. A connection that fails is opened again;
+/// `reopened` says whether it was.
 pub(crate) fn until_answered<T: Transport>(
     transport: &mut T,
     inbox: &mut Inbox,
     baud: &mut Baud,
     sequence: &mut u16,
     requests: &[StopRequest],
-) -> Result<bool, ClientError> {
+    reopened: &mut bool,
+) -> Result<(), ClientError> {
     let pending = requests
         .iter()
         .map(|request| Pending { request: (*request).into(), sequences: Vec::new() });
     let mut stops = Stops { pending: pending.collect(), refusal: None, written: false };
-    let (mut reopened, mut last_error) = (false, None::<io::Error>);
+    let mut last_error = None::<io::Error>;
     let end = transport.now().saturating_add(STOP_PATIENCE);
     let mut turns = 0;
     while !stops.pending.is_empty() {
@@ -145,15 +146,15 @@ pub(crate) fn until_answered<T: Transport>(
             let before = transport.now();
             baud.restart();
             match transport.reconnect() {
-                Ok(()) if !reopened => inbox.restart(),
+                Ok(()) if !*reopened => inbox.restart(),
                 Ok(()) | Err(_) => {
                     transport.sleep(REOPEN_EVERY.saturating_sub(transport.now() - before))
                 }
             }
-            reopened = true;
+            *reopened = true;
         }
     }
-    stops.refusal.map_or(Ok(reopened), |error| Err(error.into()))
+    stops.refusal.map_or(Ok(()), |error| Err(error.into()))
 }
 
 /// Writes a stop before anything else, without a session, and again until it is answered. A
@@ -168,5 +169,5 @@ pub fn stop_before_hello<T: Transport>(
 ) -> Result<(), ClientError> {
     let mut sequence = fastrand::u16(..);
     let (mut inbox, mut baud) = (Inbox::new(), Baud::default());
-    until_answered(transport, &mut inbox, &mut baud, &mut sequence, &[request]).map(drop)
+    until_answered(transport, &mut inbox, &mut baud, &mut sequence, &[request], &mut false)
 }

@@ -2,7 +2,7 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::future::Future;
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 use std::pin::pin;
@@ -52,24 +52,21 @@ impl<const PAGE: usize, const WORD: usize> Flash<PAGE, WORD> {
     /// it.
     pub fn in_file(path: &Path, pages: usize) -> io::Result<Self> {
         let mut flash = Self::new(pages);
-        match std::fs::read(path) {
-            Ok(bytes) if bytes.len() == flash.bytes.len() => flash.bytes = bytes,
-            Ok(bytes) => {
-                let (has, needs) = (bytes.len(), flash.bytes.len());
+        let mut options = OpenOptions::new();
+        let mut file = options.read(true).write(true).create(true).truncate(false).open(path)?;
+        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            let text = "another program keeps its storage there";
+            return Err(io::Error::new(io::ErrorKind::ResourceBusy, text));
+        }
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes)?;
+        match (bytes.len(), flash.bytes.len()) {
+            (0, _) => file.write_all(&flash.bytes)?,
+            (has, needs) if has == needs => flash.bytes = bytes,
+            (has, needs) => {
                 let text = format!("it has {has} bytes, and a storage has {needs}");
                 return Err(io::Error::new(io::ErrorKind::InvalidData, text));
             }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                std::fs::write(path, &flash.bytes)?;
-            }
-            Err(error) => return Err(error),
-        }
-        let file = OpenOptions::new().write(true).open(path)?;
-        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
-            return Err(io::Error::new(
-                io::ErrorKind::ResourceBusy,
-                "another program keeps its storage there",
-            ));
         }
         flash.file = Some(file);
         Ok(flash)

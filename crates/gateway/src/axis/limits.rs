@@ -113,11 +113,6 @@ impl Axis {
         tripped: TripReason,
         seen: &Observation,
     ) -> Result<(), Error> {
-        if let (TripReason::Uncommanded, Some(velocity)) = (tripped, seen.velocity_rad_s)
-            && velocity.abs() > self.config.uncommanded_rad_s()
-        {
-            return Err(Error::CauseRemains { axis: self.index, reason: tripped });
-        }
         let TripReason::LimitExceeded { quantity, .. } = tripped else { return Ok(()) };
         match self.exceeded(&Observation { position_rad: None, ..*seen }) {
             Some(reason @ TripReason::LimitExceeded { quantity: still, .. })

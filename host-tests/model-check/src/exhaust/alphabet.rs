@@ -46,6 +46,8 @@ const DRIVER: u8 = 0;
 const OTHER: u8 = 1;
 /// How long a setpoint lives, µs.
 const LEAD_US: i32 = 48_000;
+/// The period of a free-running cycle, µs.
+const PERIOD_US: u32 = 20_000;
 /// A node that no axis has.
 const FREE_NODE: u32 = 9;
 
@@ -89,6 +91,9 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
     // A bus that has no axis, or only the second.
     let elsewhere = if bus == LINE { 0 } else { LINE };
     let stranger = Wired { bus: elsewhere, protocol: Protocol::Rmd, node: 1, ..*motor };
+    let both = 1 << first | 1 << second;
+    let mut members = vec![(first, goal(first, 0.5)), (second, goal(second, 0.5))];
+    members.sort_by_key(|(axis, _)| *axis);
     let mut asks = vec![
         // Setpoints: fresh, another one, stale, of another epoch; a move by a distance.
         fresh(first),
@@ -97,6 +102,11 @@ fn of_driver(first: u8, second: u8) -> Vec<Ask> {
         Ask::Setpoint { permit: permit(first, 0, -1), goal: goal(first, 0.5) },
         Ask::Setpoint { permit: permit(first, -1, LEAD_US), goal: goal(first, 0.5) },
         Ask::Move { permit: permit(first, 0, LEAD_US), distance: 1.0, speed: 1.0 },
+        // Both together: armed, moved in one request, and in periods.
+        Ask::ArmTogether { axes: both },
+        Ask::Cycle { lead_us: LEAD_US, epoch: 0, members },
+        Ask::RunCycle { axes: both, period_us: PERIOD_US },
+        Ask::RunCycle { axes: 0, period_us: PERIOD_US },
         // What ends motion.
         Ask::Stop { axis: first },
         Ask::Stop { axis: second },

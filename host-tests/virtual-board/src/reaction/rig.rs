@@ -56,6 +56,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// What the host is told of every axis in each period of a cycle.
 const CYCLE_FIELDS: StateFields =
     StateFields::of(&[StateField::Position, StateField::Velocity, StateField::Current]);
+/// The same of D5 motors, whose replies to setpoints tell no number: each would be read beside them.
+const D5_CYCLE_FIELDS: StateFields = StateFields::NONE;
 
 const MOTION: Setpoint = Setpoint::Velocity { velocity_rad_s: 2.0 };
 /// Setpoints that are to expire together do so this long behind their request, which is long.
@@ -459,7 +461,9 @@ fn arm(
         }
     }
     if load == Load::Cycle {
-        client.run_cycle(&axes, CYCLE_FIELDS, bus.cycle_period())?;
+        let is_d5 = bus.protocol() == Protocol::D5;
+        let fields = if is_d5 { D5_CYCLE_FIELDS } else { CYCLE_FIELDS };
+        client.run_cycle(&axes, fields, bus.cycle_period())?;
     }
     Ok(epoch)
 }

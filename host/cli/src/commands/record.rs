@@ -25,13 +25,18 @@ pub fn run(session: &mut Session, arguments: &RecordArgs) -> Result<(), Failure>
     let bus = arguments.frames.as_ref().map(|bus| session.bus(bus)).transpose()?;
     let fields = states::or_all(&arguments.fields);
     let place = arguments.written.place(arguments.file.clone());
+    Recording::refuse_existing(&place)?;
     if let Some(bus) = bus {
         session.client.raw_open(bus)?;
     }
     let period = Duration::from_millis(arguments.period);
-    session.client.subscribe(&axes, fields, period)?;
+    let subscribed = session.client.subscribe(&axes, fields, period).map_err(Failure::from);
     // A file that is there is written over for a recording that can begin.
-    let recording = Recording::start(place, session.out.motors)?;
+    let begun = subscribed.and_then(|()| Recording::start(place, session.out.motors));
+    let recording = begun.inspect_err(|_| {
+        let closed = bus.map_or(Ok(()), |bus| session.client.raw_close(bus));
+        let _ = session.client.unsubscribe().and(closed);
+    })?;
     let followed = {
         let file = arguments.file.display().to_string();
         session.out.progress(
@@ -80,17 +85,17 @@ fn follow(
             let Some(message) = client.poll_cycle(Duration::ZERO)? else { break };
             tap.put(What::Cycle(message));
         }
-        let on_the_way = client.losses().events() + unfetched;
-        if on_the_way != lost {
-            lost = on_the_way;
-            tap.put(What::Lost { on_the_way });
-        }
         if let Some(bus) = bus
             && client.now() >= fetch_at
         {
             fetch_at = client.now() + FETCH_EVERY;
             let hear = |frame: &ReceivedFrame| tap.put(What::Frame { bus, frame: frame.clone() });
             unfetched += u64::from(fetch(client, bus, hear)?);
+        }
+        let on_the_way = client.losses().events() + unfetched;
+        if on_the_way != lost {
+            lost = on_the_way;
+            tap.put(What::Lost { on_the_way });
         }
     }
     Ok(())

@@ -6,7 +6,7 @@ use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
 use host_protocol::{Subject, is_name};
-use mgw_client::{ConnectError, Transport, names_before_hello, open, server_port};
+use mgw_client::{ClientError, ConnectError, Transport, names_before_hello, open, server_port};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 
 use crate::failure::Failure;
@@ -94,7 +94,7 @@ pub fn hangs(error: &ConnectError) -> bool {
 pub fn cable_port(named: Option<&str>) -> Result<String, Failure> {
     match named {
         Some(name) => Ok(called(name, system_ports(), name_of).unwrap_or_else(|| name.to_owned())),
-        None => choose(system_ports(), None::<fn() -> String>, &mut io::sink(), name_of)
+        None => choose(system_ports(), None::<fn() -> Option<String>>, &mut io::sink(), name_of)
             .map(|one| one.port),
     }
 }
@@ -155,7 +155,7 @@ fn candidates(ports: Vec<SerialPortInfo>) -> (Vec<Candidate>, Vec<String>) {
 /// names.
 fn choose(
     ports: Vec<SerialPortInfo>,
-    answer: Option<impl FnOnce() -> String>,
+    answer: Option<impl FnOnce() -> Option<String>>,
     asked: &mut impl Write,
     name_of: impl Fn(&str) -> Option<String>,
 ) -> Result<Candidate, Failure> {
@@ -181,7 +181,7 @@ fn choose(
     let list = list(|place, Candidate { port, what }| format!("  {place}  {port}  {what}\n"));
     let _ = write!(asked, "Several ports may lead to a gateway:\n{}Which one? ", list.concat());
     let _ = asked.flush();
-    let line = answer();
+    let line = answer().ok_or(ClientError::Interrupted { armed: false })?;
     let place = line.trim().parse::<usize>().ok().and_then(|place| place.checked_sub(1));
     let chosen = place.and_then(|place| candidates.get(place)).cloned();
     chosen.ok_or_else(|| {
@@ -226,7 +226,7 @@ mod tests {
     fn chosen(ports: &[SerialPortInfo], answer: Option<&str>) -> (Result<String, String>, String) {
         let mut asked = Vec::new();
         let name_of = |port: &str| (port == "/dev/ttyACM5").then(|| "arm".to_owned());
-        let answer = answer.map(|typed| || typed.to_owned());
+        let answer = answer.map(|typed| || Some(typed.to_owned()));
         let chosen = choose(ports.to_vec(), answer, &mut asked, name_of);
         let told = chosen.map(|one| one.port).map_err(|failure| failure.to_string());
         (told, String::from_utf8(asked).unwrap())

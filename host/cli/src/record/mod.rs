@@ -55,6 +55,9 @@ const WAITING: usize = 32_768;
 /// What was taken is in the file after this time at the latest, if the disk is fast enough.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
+/// Files of a recording that are looked for before it begins.
+const LOOKED_AT: usize = 1_000;
+
 /// Where a recording goes.
 #[derive(Debug, Clone)]
 pub struct Place {
@@ -154,11 +157,6 @@ impl Recording {
     pub fn start(place: Place, motors: Protocols) -> Result<Self, Failure> {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let limits = Limits { longest: place.longest, since_epoch };
-        // Hours later it would be the end of this one.
-        let second = file::numbered(&place.path, 2);
-        if !place.force && second.exists() {
-            return Err(unwritten(&second, io::ErrorKind::AlreadyExists.into()));
-        }
         let files = Files::create(place.path.clone(), limits, file::opener(place))?;
         let (queue, items) = sync_channel(WAITING);
         let unwritten = Arc::new(Unwritten::default());
@@ -166,6 +164,18 @@ impl Recording {
         let encoder = Encoder::new(motors);
         let writer = thread::spawn(move || write_down(&items, &unwritten, encoder, files));
         Ok(Self { tap, writer })
+    }
+
+    /// Refuses a place whose file is there already, or one of those behind it: hours later that
+    /// would be the end of the recording.
+    ///
+    /// # Errors
+    /// Which is.
+    pub fn refuse_existing(place: &Place) -> Result<(), Failure> {
+        let behind = (2..=LOOKED_AT).map(|number| file::numbered(&place.path, number));
+        let mut files = [place.path.clone()].into_iter().chain(behind);
+        let taken = files.find(|file| file.is_file()).filter(|_| !place.force);
+        taken.map_or(Ok(()), |file| Err(unwritten(&file, io::ErrorKind::AlreadyExists.into())))
     }
 
     /// The way into it.

@@ -218,6 +218,14 @@ impl<T: Transport> Client<T> {
         if moves(number) { Err(self.ended_early()) } else { Ok(()) }
     }
 
+    /// Follows an interrupt while nobody asks for anything. It is still to be told: the next call
+    /// follows it, too, with the stops that nothing has answered.
+    pub(crate) fn heed_between_calls(&mut self) {
+        if self.interrupt.is_raised() && !self.interrupted {
+            let _ = self.stop_armed();
+        }
+    }
+
     /// Goes on after an interrupt that has been followed: what is armed from now on may move, until
     /// the interrupt is raised again. Before it was followed, it is followed first.
     ///

@@ -97,7 +97,8 @@ class AsyncGateway:
         return await self.call(lambda gateway: gateway.state(axis))
 
     async def stop(self, axis: Optional[int] = None) -> None:
-        """As :meth:`Gateway.stop`: it waits for no other call, and is sent though it is cancelled."""
+        """As :meth:`Gateway.stop`, and sent though it is cancelled. It waits for no work of the
+        program, and goes before calls that wait for their turn."""
         await _at_once(lambda: self.gateway.stop(axis))
 
     async def estop(self) -> None:
