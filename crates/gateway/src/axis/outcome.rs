@@ -79,11 +79,16 @@ impl Axis {
     }
 
     /// Whether the frame in `slot` has not left and should not any more: a stop has preempted it,
-    /// or a newer setpoint has taken its place. The same setpoint again is the same frame; the
-    /// same distance again is another move.
-    pub fn has_replaced(&self, slot: u8) -> bool {
+    /// a newer setpoint has taken its place, or its time is over while the axis has still to be
+    /// reached. The same setpoint again is the same frame; the same distance again is another move.
+    pub fn has_replaced(&self, now: Instant, slot: u8) -> bool {
+        let is_permitted = || self.motion().is_some_and(|motion| motion.is_permitted(now));
         self.transactions.is_replaced(slot, |request| {
-            self.is_latest(request.motion) || !request.once && self.is_in_force(&request.command)
+            let is_same = || {
+                self.is_latest(request.motion)
+                    || !request.once && self.is_in_force(&request.command)
+            };
+            is_permitted() && is_same()
         })
     }
 

@@ -122,7 +122,7 @@ impl Bus {
                 // What was given up must not leave when nobody expects it any more.
                 Some(axis) => {
                     in_flight.collided_at.is_some_and(|at| at <= now)
-                        || axis.has_replaced(slot)
+                        || axis.has_replaced(now, slot)
                         || !in_flight.is_stop && first_stop > in_flight.id
                         || in_flight.overdue
                             && !in_flight.is_stop
