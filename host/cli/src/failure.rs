@@ -293,6 +293,10 @@ fn with_way_out(error: &Error) -> String {
         Error::NotIdle { axis, state: AxisState::Holding } | Error::BusInUse { axis, .. } => {
             format!("{error}: `mgw output-off {axis}`")
         }
+        Error::NothingToClear { axis } => format!(
+            "axis {axis} has nothing that this clears: `mgw clear` needs a trip, `--unreachable` a \
+                motor that does not confirm its stop"
+        ),
         _ => error.to_string(),
     }
 }

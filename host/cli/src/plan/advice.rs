@@ -29,6 +29,10 @@ pub fn changes(configuration: &Configuration, premises: &Premises, rate: f64) ->
             HostLine::Usb => "USB to the host".to_owned(),
         });
     }
+    let short = Premises { has_positions: false, ..premises.clone() };
+    if premises.has_positions && holds(configuration, &short) {
+        found.push("no positions among the setpoints (--no-positions)".to_owned());
+    }
     // The fields that take the most bytes are not needed by every loop.
     let fewer = [StateField::Position, StateField::Velocity].into_iter().find(|field| {
         let fields = StateFields::of(&[*field]);

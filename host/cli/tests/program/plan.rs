@@ -88,6 +88,8 @@ fn a_rate_that_does_not_hold_is_refused_with_what_would_make_it_hold() {
     let (code, held) = plan(&[EIGHT, "--rate", "350", "--host", "2000000"]);
     assert_eq!((code, &held["holds"]), (Some(0), &true.into()));
 
+    let refused = mgw(&["plan", EIGHT, "--rate", "260"]).failure(1);
+    assert!(refused.contains("--no-positions"), "{refused}");
     // The bus is the limit: fewer axes on it, or nothing.
     let usb = [EIGHT, "--host", "usb", "--foreign", "1=2500", "--rate", "600"];
     let (code, held) = plan(&usb);
