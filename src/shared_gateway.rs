@@ -253,6 +253,8 @@ impl SharedGateway {
         self.with(|parts, _| {
             if let Some(place) = parts.can.get_mut(usize::from(bus)) {
                 *place = Some(CanBus::new(bus, port));
+                // What a reset has left it is to run, whether or not anything is to be sent.
+                fdcan::look();
             }
         });
     }

@@ -432,3 +432,18 @@ fn an_axis_that_becomes_unreachable_in_the_event_before_a_reset_is_unreachable_a
     bench::hello(&mut rig);
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
 }
+
+/// Nobody's axis is on it, and it is open for raw frames.
+#[test]
+fn a_bus_without_axes_runs_after_a_reset() {
+    for is_open in [false, true] {
+        let mut rig = Rig::new();
+        bench::hello(&mut rig);
+        bench::configure_bus(&mut rig, 0, 1_000_000, &[host_protocol::Protocol::Rmd]);
+        if is_open {
+            rig.ask(Request::RawOpen(requests::RawOpen { bus: 0, unsafe_access: true })).unwrap();
+        }
+        rig.reset();
+        assert!(rig.gateway.bus_setup(0).is_some(), "{is_open}");
+    }
+}
