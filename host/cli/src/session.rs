@@ -22,6 +22,8 @@ use crate::words;
 /// How long a motor may take to confirm its stop before the command gives up waiting. The gateway
 /// does not.
 const STOP_PATIENCE: Duration = Duration::from_secs(5);
+/// How long an axis is looked at whose time others have taken.
+const LAST_LOOKS: Duration = Duration::from_millis(200);
 /// Events that are taken before what else is to be done has its turn.
 pub const EVENTS_AT_ONCE: usize = 64;
 /// Between two looks at an axis that is stopping.
@@ -211,8 +213,9 @@ impl Session {
     }
 
     /// Waits until the stop of an axis is confirmed, or a trip's is, keeping the link alive
-    /// meanwhile; after `end` it is looked at once.
+    /// meanwhile; until `end`, and a few looks where others have taken the time until then.
     pub fn await_stop(&mut self, axis: u8, end: Duration) -> Result<AxisReport, Failure> {
+        let end = end.max(self.client.now() + LAST_LOOKS);
         loop {
             match self.client.read_state(axis) {
                 Ok(report) if !is_stopping(report.state) => return Ok(report),

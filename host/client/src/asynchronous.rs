@@ -203,8 +203,8 @@ fn serve(
     loop {
         match to_do.recv_timeout(LOOK_EVERY) {
             Ok(task) => task(&mut client),
-            Err(RecvTimeoutError::Timeout) => client.heed_between_calls(),
-            Err(RecvTimeoutError::Disconnected) => return client.heed_between_calls(),
+            Err(RecvTimeoutError::Timeout) => drop(client.stop_if_interrupted()),
+            Err(RecvTimeoutError::Disconnected) => return drop(client.stop_if_interrupted()),
         }
     }
 }

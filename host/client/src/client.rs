@@ -72,7 +72,7 @@ pub struct Client<T: Transport> {
     written: u64,
     last_sent: Duration,
     /// What was subscribed to last in this session.
-    pub(crate) subscription: Option<Subscribe>,
+    subscription: Option<Subscribe>,
     interrupt: Interrupt,
     /// The interrupt has been followed: nothing that moves is sent any more.
     interrupted: bool,
@@ -155,7 +155,6 @@ impl<T: Transport> Client<T> {
     /// As [`connect`](Self::connect). It may be tried again.
     pub fn reconnect(&mut self) -> Result<(), ClientError> {
         self.transport.reconnect()?;
-        self.subscription = None;
         self.inbox.restart();
         self.baud.restart();
         self.clock.reset();
@@ -164,7 +163,9 @@ impl<T: Transport> Client<T> {
         self.measure_clock()
     }
 
+    /// A new session, in which nothing is subscribed to.
     pub(crate) fn say_hello(&mut self) -> Result<HelloReply, ClientError> {
+        self.subscription = None;
         self.say_hello_as(fastrand::u32(..))?;
         Ok(self.hello.clone())
     }
@@ -311,7 +312,7 @@ impl<T: Transport> Client<T> {
         if !self.clock.has_restarted() {
             return Ok(());
         }
-        self.say_hello()?;
+        self.say_hello_as(fastrand::u32(..))?;
         let Some(subscription) = self.subscription else { return Ok(()) };
         let made = self.subscribe_as(subscription);
         match &made {

@@ -151,7 +151,6 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn info(&mut self) -> Result<HelloReply, ClientError> {
-        self.subscription = None;
         self.say_hello()
     }
 

@@ -14,9 +14,6 @@ use crate::session::Session;
 use crate::states;
 use crate::words;
 
-/// How long an axis is looked at whose time others have taken.
-const LAST_LOOKS: Duration = Duration::from_millis(200);
-
 /// What a stop came to for one axis.
 pub enum Outcome {
     /// The motor has confirmed it.
@@ -36,8 +33,7 @@ pub fn await_all(session: &mut Session, axes: &[u8]) -> (Vec<(u8, Outcome)>, Res
     let mut outcomes = Vec::new();
     let end = session.stops_until();
     for axis in axes.iter().copied() {
-        // Every axis is waited for; the first failure is told. One behind a mute one has a few looks.
-        let end = end.max(session.client.now() + LAST_LOOKS);
+        // Every axis is waited for; the first failure is told.
         match outcome(session, axis, end) {
             Ok(outcome) => {
                 if let Outcome::NotConfirmed(_) = outcome {

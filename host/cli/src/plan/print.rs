@@ -78,8 +78,8 @@ pub fn plan(
     out.text(format!(
         "assumed: {} µs of the gateway's software to the bus, between requests and back; every \
          frame as long as its unknown bits can make it; a position for each axis that takes one \
-         but for --no-positions and --impedance; CAN where neither its bitrate nor --rs485 says RS485; a reply delay of {} µs \
-         where * stands",
+         but for --no-positions and --impedance; CAN where neither its bitrate nor --rs485 says \
+         RS485; a reply delay of {} µs where * stands",
         premises.assumed.software.as_micros(),
         gateway::Assumptions::REPLY_DELAY.as_micros()
     ))?;

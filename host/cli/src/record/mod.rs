@@ -172,9 +172,12 @@ impl Recording {
     /// # Errors
     /// Which is.
     pub fn refuse_existing(place: &Place) -> Result<(), Failure> {
+        if place.force {
+            return Ok(());
+        }
         let behind = (2..=LOOKED_AT).map(|number| file::numbered(&place.path, number));
         let mut files = [place.path.clone()].into_iter().chain(behind);
-        let taken = files.find(|file| file.is_file()).filter(|_| !place.force);
+        let taken = files.find(|file| file.is_file());
         taken.map_or(Ok(()), |file| Err(unwritten(&file, io::ErrorKind::AlreadyExists.into())))
     }
 

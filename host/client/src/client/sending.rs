@@ -218,12 +218,10 @@ impl<T: Transport> Client<T> {
         if moves(number) { Err(self.ended_early()) } else { Ok(()) }
     }
 
-    /// Follows an interrupt while nobody asks for anything. It is still to be told: the next call
-    /// follows it, too, with the stops that nothing has answered.
-    pub(crate) fn heed_between_calls(&mut self) {
-        if self.interrupt.is_raised() && !self.interrupted {
-            let _ = self.stop_armed();
-        }
+    /// The stops of an interrupt that no call has followed yet. The next call follows it all the
+    /// same, and tells: with the stops that nothing has answered.
+    pub(crate) fn stop_if_interrupted(&mut self) -> Result<(), ClientError> {
+        if self.interrupt.is_raised() && !self.interrupted { self.stop_armed() } else { Ok(()) }
     }
 
     /// Goes on after an interrupt that has been followed: what is armed from now on may move, until
@@ -232,9 +230,7 @@ impl<T: Transport> Client<T> {
     /// # Errors
     /// As [`stop_armed`](Self::stop_armed).
     pub fn resume(&mut self) -> Result<(), ClientError> {
-        if self.interrupt.is_raised() && !self.interrupted {
-            self.stop_armed()?;
-        }
+        self.stop_if_interrupted()?;
         self.interrupt.lower();
         (self.interrupted, self.has_stopped) = (false, false);
         Ok(())
