@@ -4,8 +4,11 @@
 use crate::bench::{self, COAST, HOLD, arm, disarm, listed, output_off, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Reply, Request, StopAction, Value, replies, requests,
+    AxisParameter, AxisState, Error, Protocol, ProtocolSet, Reply, Request, StopAction, Value,
+    replies, requests,
 };
+use std::cell::Cell;
+use std::rc::Rc;
 
 /// The motor of axis 0 has heard something every 100 ms, up to now.
 fn assert_fed_every_100_ms(rig: &Rig, since_us: u64) {
@@ -57,6 +60,72 @@ fn an_arming_that_fails_goes_on_holding() {
     let gap = rig.longest_gap_us(0, since, "141#");
     assert!(gap <= 500_000 / 3, "{gap} µs");
     assert!(rig.now_us - rig.wire.last().unwrap().0 <= 500_000 / 3);
+}
+
+/// Bus 0 awaits replies for so long.
+fn with_window(rig: &mut Rig, reply_window_us: u32) {
+    let request = requests::ConfigureBus {
+        bus: 0,
+        bitrate: 1_000_000,
+        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
+        exclusive: false,
+        reply_window_us,
+    };
+    rig.ask(Request::ConfigureBus(request)).unwrap();
+}
+
+/// The longest time between two requests that the motor hears, where one poll of those that keep
+/// it holding is lost.
+fn unheard_with_one_poll_lost(rig: &mut Rig) -> u64 {
+    const LOST: u32 = 3;
+    arm(rig);
+    disarm(rig);
+    run_with_host(rig, 500_000);
+    let polls = Rc::new(Cell::new(0));
+    let lost = polls.clone();
+    rig.instead(move |text| {
+        polls.set(polls.get() + u32::from(text.starts_with("141#")));
+        if polls.get() == LOST { Instead::Nothing } else { Instead::AsUsual }
+    });
+    let since = rig.now_us;
+    run_with_host(rig, 3_000_000);
+    assert!(lost.get() > LOST);
+    let sent = rig.wire.iter().filter(|(at, _, text)| *at >= since && text.starts_with("141#"));
+    let mut heard = sent.map(|(at, ..)| *at).collect::<Vec<_>>();
+    heard.remove(LOST as usize - 1);
+    heard.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap()
+}
+
+/// One lost reply costs two of the bus's reply windows: a motor that would let go meanwhile is not
+/// armed, nor told such a timeout.
+#[test]
+fn one_lost_poll_lets_no_motor_go_however_long_its_bus_waits() {
+    /// That of any RMD.
+    const SHORTEST_MS: u32 = 20;
+    for (window_us, least_ms) in [(5_000, SHORTEST_MS), (6_200, 21), (40_000, 130), (200_000, 650)]
+    {
+        let (mut rig, _) = bench::rmd_with_timeout(least_ms);
+        with_slow_polls(&mut rig);
+        with_window(&mut rig, window_us);
+        let unheard_us = unheard_with_one_poll_lost(&mut rig);
+        let acts_after_us = u64::from(least_ms) * 950;
+        assert!(unheard_us < acts_after_us, "{window_us} µs, {least_ms} ms: {unheard_us} µs");
+
+        if least_ms == SHORTEST_MS {
+            continue;
+        }
+        let (mut rig, _) = bench::rmd_with_timeout(least_ms - 1);
+        with_window(&mut rig, window_us);
+        let refused = Error::ReplyWindowTooLong {
+            axis: 0,
+            motor_timeout_ms: least_ms - 1,
+            reply_window_us: window_us,
+        };
+        assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(refused));
+        assert_eq!(bench::provision(&mut rig, least_ms - 1), Err(refused));
+        bench::provision(&mut rig, least_ms).unwrap();
+        arm(&mut rig);
+    }
 }
 
 /// An RMD that holds at node 1 on CAN bus 0.

@@ -39,6 +39,7 @@ field_docs! { $
     min "The smallest allowed.";
     missing "Bytes of it that are missing.";
     most "As many fit.";
+    motor_timeout_ms "After how many ms the motor stops by itself.";
     needed_permille "What is needed, 1/1000 of the bitrate.";
     name "Its name.";
     next "The first byte that is missing.";
@@ -54,6 +55,7 @@ field_docs! { $
     protocol "The protocol of the motor.";
     quantity "Which value.";
     reason "Why.";
+    reply_window_us "How long its bus awaits a reply, µs.";
     room "Bytes of the longest image.";
     running "The version that runs.";
     stated "The dialect of the axis, by its number in `rmd_dialect`.";

@@ -140,7 +140,9 @@ impl Page {
             Error::CannotConfirm { .. }
             | Error::NoRandomNumber {}
             | Error::CannotStartTogether { .. } => Self::DoesNotArm,
-            Error::MotorTimeoutUnknown { .. } | Error::MotorTimeoutOff { .. } => Self::MotorTimeout,
+            Error::MotorTimeoutUnknown { .. }
+            | Error::MotorTimeoutOff { .. }
+            | Error::ReplyWindowTooLong { .. } => Self::MotorTimeout,
             Error::NotStandstill { .. } => Self::MotorTurns,
             Error::BrakeLocked { .. } | Error::BrakeOn { .. } => Self::BrakeLocked,
             Error::NotArmed { .. }

@@ -4,6 +4,7 @@
 use super::restart::CLOCK_PART;
 use super::{Axis, JobKind};
 use crate::protocol::{self, Exchange, Info};
+use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, Error, MotorTimeout};
 
@@ -67,10 +68,10 @@ impl Axis {
         }
     }
 
-    /// Refuses a timeout that would act while the axis is being armed: what this takes was
-    /// configured since.
-    pub fn check_programmed_timeout(&self) -> Result<(), Error> {
-        crate::protocol::check_timeout(self.written_timeout_ms, &self.config)
+    /// Refuses a timeout that would act while the axis is being armed, or behind one lost reply:
+    /// what this takes was configured since.
+    pub fn check_programmed_timeout(&self, reply_window_us: u32) -> Result<(), Error> {
+        rules::check_timeout(self.index, self.written_timeout_ms, reply_window_us, &self.config)
     }
 
     /// Whether arming settles what is known: it asks the motor, or tells it again what was

@@ -137,8 +137,11 @@ impl Check<'_> {
             // Its range was looked at when it was read.
             let _ = rules.set(*parameter, *value);
         }
+        let number = bus.and_then(|bus| u8::try_from(bus).ok());
+        let config = number.and_then(|bus| configuration.buses.get(&bus));
+        let window_us = config.map_or(0, |config| config.reply_window_us);
         if let Some(timeout_ms) = configuration.motor_timeouts.get(&axis)
-            && let Err(error) = rules.check_motor_timeout(*timeout_ms)
+            && let Err(error) = rules.check_motor_timeout(*timeout_ms, window_us)
         {
             self.finds(row, Some(MOTOR_TIMEOUT), &error);
         }

@@ -57,6 +57,28 @@ fn a_file_becomes_a_configuration() {
 }
 
 /// Each slip has its line, its key and what is allowed; one hides no other.
+/// One lost reply costs two reply windows, and the motor would let go meanwhile.
+#[test]
+fn a_motor_timeout_that_is_shorter_than_its_bus_waits_is_told() {
+    let with = |window_us: u32, timeout_ms: u32| {
+        format!(
+            "[[bus]]\nbus = 0\nbitrate = 1_000_000\nprotocols = [\"rmd\"]\n\
+             reply_window_us = {window_us}\n\
+             [[axis]]\naxis = 0\nbus = 0\nprotocol = \"rmd\"\nnode = 1\n\
+             stop_action = \"hold\"\nmotor_timeout_ms = {timeout_ms}\n"
+        )
+    };
+    assert_eq!(
+        wrong(&with(200_000, 649)),
+        ["a.toml: line 12, axis 0: the motor of axis 0 lets go after 649 ms, and one lost reply \
+             costs two reply windows of its bus, 200000 µs each; a timeout of 3.25 such windows \
+             outlasts that"]
+    );
+    for (window_us, timeout_ms) in [(200_000, 650), (5_000, 20), (200_000, 0)] {
+        assert!(wrong(&with(window_us, timeout_ms)).is_empty());
+    }
+}
+
 #[test]
 fn all_errors_of_a_file_are_told_at_once() {
     let text = "\

@@ -257,8 +257,15 @@ impl Gateway {
     ) -> Result<()> {
         self.refuse_e_stopped(request.axis)?;
         let axis = self.idle_axis(request.axis)?;
-        crate::protocol::check_timeout(request.timeout_ms, &axis.config)?;
+        let window_us = self.reply_window_us(axis);
+        rules::check_timeout(request.axis, request.timeout_ms, window_us, &axis.config)?;
         self.start(now, request.axis, JobKind::Provision { timeout_ms: request.timeout_ms }, ticket)
+    }
+
+    /// How long the bus of an axis awaits replies; no time where there is none.
+    fn reply_window_us(&self, axis: &Axis) -> u32 {
+        let bus = axis.config.bus().and_then(|bus| self.bus(bus).ok()?.config());
+        bus.map_or(0, |config| config.reply_window_us)
     }
 
     fn arm(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
@@ -281,7 +288,7 @@ impl Gateway {
         if !axis.arming_settles_the_timeout() {
             axis.check_motor_timeout(now)?;
         }
-        axis.check_programmed_timeout()?;
+        axis.check_programmed_timeout(self.reply_window_us(axis))?;
         if !crate::protocol::can_confirm(&axis.config) {
             return Err(Error::CannotConfirm { axis: index });
         }
