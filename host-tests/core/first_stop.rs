@@ -3,7 +3,7 @@
 
 use crate::bench::{self, native, parameter, provision, run_with_host};
 use crate::motors::Shared;
-use crate::rig::Rig;
+use crate::rig::{Instead, Rig};
 use host_protocol::{
     AxisParameter, AxisState, Error, NoReplyHint, Protocol, Request, Setpoint, StateField,
     StateFields, Value, requests,
@@ -139,4 +139,66 @@ fn who_asks_a_new_thruster_that_does_not_answer_is_told_so() {
     let result = rig.ask(Request::ReadState(requests::ReadState { axis: 0 }));
     assert_eq!(result, Err(Error::NoReply { axis: 0, hint: NoReplyHint::None }));
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Idle);
+}
+
+/// What is lost has not been heard: the question would be the first that the thruster hears.
+#[test]
+fn a_thruster_whose_first_stop_was_lost_hears_it_again_before_the_question() {
+    for (what, ask) in ASKS {
+        for lost in [STOP, END] {
+            let (mut rig, _) = bench::thruster();
+            parameter(&mut rig, 0, AxisParameter::PositionDevice, Value::Bool(true));
+            let mut was_lost = false;
+            rig.instead(move |text| match text == lost && !was_lost {
+                true => {
+                    was_lost = true;
+                    Instead::Nothing
+                }
+                false => Instead::AsUsual,
+            });
+            ask(&mut rig);
+            run_with_host(&mut rig, 1_500_000);
+            let sent = rig.sent_since(0, 0);
+            let question = sent.iter().position(|text| ![STOP, END].contains(text));
+            let before = &sent[..question.expect(what)];
+            let again = before.iter().filter(|text| **text == lost).count();
+            assert_eq!(again, 2, "{what}, {lost} is lost: {sent:?}");
+            assert!(before.contains(&STOP) && before.contains(&END), "{what}: {sent:?}");
+        }
+    }
+}
+
+/// Nor is anything asked of one that answers no stop.
+#[test]
+fn a_thruster_that_is_new_and_mute_hears_its_stop_alone() {
+    let fields = StateFields::of(&[StateField::Velocity]);
+    for request in [
+        Request::ReadState(requests::ReadState { axis: 0 }),
+        Request::Arm(requests::Arm { axis: 0 }),
+        Request::Subscribe(requests::Subscribe { axes: 1, fields, period_us: 20_000 }),
+    ] {
+        let (mut rig, _) = bench::thruster();
+        rig.instead(|_| Instead::Nothing);
+        rig.send(&request);
+        run_with_host(&mut rig, 3_000_000);
+        let sent = rig.sent_since(0, 0);
+        assert!(sent.len() > 2 && sent.iter().all(|text| *text == STOP), "{request:?}: {sent:?}");
+    }
+}
+
+/// One that is set to return nothing can only be sent it, and one that returns frames for it hears.
+#[test]
+fn what_a_thruster_returns_for_its_first_stop_shows_that_it_hears() {
+    for (return_mode, tc) in [(0x0100, None), (0, Some("28B#5401000000F00000"))] {
+        let (mut rig, _) = bench::thruster();
+        parameter(&mut rig, 0, AxisParameter::ReturnMode, Value::Unsigned(return_mode));
+        rig.instead(move |text| match (text.starts_with("30B#5443"), tc) {
+            (true, Some(tc)) => Instead::Says(tc),
+            (true, None) => Instead::Nothing,
+            _ => Instead::AsUsual,
+        });
+        ask_state(&mut rig);
+        let sent = rig.sent_since(0, 0);
+        assert!(sent.len() > 1 && sent[0] == STOP && sent[1] != STOP, "{sent:?}");
+    }
 }

@@ -61,7 +61,7 @@ impl Axis {
         let Some(request) = self.transactions.transmitted(now, slot, window, &self.config) else {
             return;
         };
-        self.note_first_stop(request.exchange);
+        self.first_stop_left(request.exchange);
         self.prolong_pause(now);
         self.note_restart(now, request.exchange, &request.command);
         if let Some(job) = &mut self.job {
@@ -204,10 +204,13 @@ impl Axis {
                 self.late_speed(&seen);
                 return Some(Unasked::Late);
             }
-            Match::Unasked => return Some(self.unasked(now, received, out)),
+            Match::Unasked => {
+                self.first_stop_may_be_heard(received);
+                return Some(self.unasked(now, received, out));
+            }
         };
         self.silence = Silence::NONE;
-        self.first_stop_heard();
+        self.first_stop_heard(request.exchange);
         match outcome {
             Outcome::Answered => self.answered(now, &request, &seen, data, out),
             Outcome::Refused => self.refused(now, &request, out),

@@ -370,6 +370,15 @@ pub(crate) fn can_confirm(config: &AxisConfig) -> bool {
     Info::of_axis(config).is_none_or(|info| (info.can_confirm)(config))
 }
 
+/// Whether a frame is one that a motor returns for such a command, however it is set, and for
+/// nothing else.
+pub(crate) fn is_returned_for(command: &Command, received: &Received) -> bool {
+    match received {
+        Received::Thruster { reply, .. } => thruster::is_returned_for(command, reply),
+        Received::Rmd { .. } | Received::D5 { .. } => false,
+    }
+}
+
 /// Whether one reply may answer the one command as well as the other.
 pub(crate) fn are_answered_alike(one: &Command, other: &Command, config: &AxisConfig) -> bool {
     one == other || thruster::are_answered_alike(one, other, config)

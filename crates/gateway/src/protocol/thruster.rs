@@ -394,6 +394,12 @@ pub(super) fn judge(
     }
 }
 
+/// Whether it is a frame that only TC or VC, this command, has the device return (§2.4).
+pub(super) fn is_returned_for(command: &Command, reply: &Reply) -> bool {
+    let Command::Thruster(request) = command else { return false };
+    matches!(thruster::answer(request, reply), Answer::Reply(Reply::Returned(_)))
+}
+
 /// The kinds of frames that come unasked: three of SR and VM, and speed and current of ML and MM
 /// (§2.1, §2.4, §2.5).
 pub(super) fn unasked(reply: &Reply) -> Unasked {
