@@ -282,3 +282,80 @@ fn a_timeout_that_a_stop_keeps_from_being_told_is_unknown_and_not_off() {
         assert_eq!(arm_allowing(&mut rig, told, !told), Err(refused), "{timeout_ms}");
     }
 }
+
+/// What another motor answers.
+#[derive(Clone, Copy)]
+enum Told {
+    Says(&'static str),
+    Nothing,
+}
+use Told::{Nothing, Says};
+
+/// The firmware and the model that an RMD tells: what it answers to each read instead of what the
+/// one before did.
+const OTHERS: [(u32, &str, Told); 7] = [
+    (1, "B2", Says("241#B20000002E893401")),
+    (1, "B2", Nothing),
+    (1, "B5", Says("241#B558385332563131")),
+    (1, "B5", Nothing),
+    (6, "B50101", Says("241#B50101524D442D59")),
+    (6, "B50102", Says("241#B50102342D503337")),
+    (6, "B50103", Says("241#B501032D33370000")),
+];
+
+/// An RMD that was told 400 ms, its own dialect stated.
+fn told(dialect: u32) -> Rig {
+    let (mut rig, play) = bench::rmd(StopAction::Hold);
+    play.borrow_mut().dialect = dialect;
+    parameter(&mut rig, 0, AxisParameter::RmdDialect, Value::Unsigned(dialect));
+    parameter(&mut rig, 0, AxisParameter::AllowUnknownMotorTimeout, Value::Bool(false));
+    provision(&mut rig, 400).unwrap();
+    rig
+}
+
+#[test]
+fn another_rmd_in_the_place_of_the_one_that_was_told_its_timeout_is_not_armed_on_it() {
+    for resets in [false, true] {
+        for (dialect, read, answer) in OTHERS {
+            let mut rig = told(dialect);
+            assert_eq!(arm(&mut rig), Ok(KNOWN));
+            if resets {
+                rig.reset();
+                bench::hello(&mut rig);
+                run_with_host(&mut rig, 50_000);
+                assert_eq!(arm(&mut rig), Ok(KNOWN));
+            }
+            rig.instead(move |text| match (text[4..].starts_with(read), answer) {
+                (false, _) => Instead::AsUsual,
+                (true, Says(reply)) => Instead::Says(reply),
+                (true, Nothing) => Instead::Nothing,
+            });
+            let refused = Err(Error::MotorTimeoutUnknown { axis: 0 });
+            assert_eq!(arm(&mut rig), refused, "{dialect} {read}");
+            // What it is told itself counts.
+            run_with_host(&mut rig, 100_000);
+            bench::output_off(&mut rig).unwrap();
+            provision(&mut rig, 400).unwrap();
+            assert_eq!(arm(&mut rig), Ok(KNOWN), "{dialect} {read}");
+        }
+    }
+}
+
+/// One answer that gets lost makes it no other motor.
+#[test]
+fn a_lost_answer_of_an_rmd_makes_it_no_other_one() {
+    for (dialect, read, _) in OTHERS {
+        let mut rig = told(dialect);
+        let mut lost = 0;
+        rig.instead(move |text| {
+            lost += u32::from(text[4..].starts_with(read));
+            // Of the model's two reads before, for the dialect, and of this one.
+            if text[4..].starts_with(read) && lost % 2 == 1 {
+                Instead::Nothing
+            } else {
+                Instead::AsUsual
+            }
+        });
+        assert_eq!(arm(&mut rig), Ok(KNOWN), "{dialect} {read}");
+    }
+}

@@ -50,7 +50,16 @@ fn rmd_reads_and_timeout_on_can() {
     let sent = read_state(&mut rig, 0);
     assert_eq!(sent, ["141#9C00000000000000", "141#9200000000000000", "141#9A00000000000000"]);
     // RMD V3.6 §2.30.4
-    assert_eq!(provision(&mut rig, 0, 1_000), ["141#8000000000000000", "141#B3000000E8030000"]);
+    // And which motor it is that keeps it: §2.29, §2.32.
+    assert_eq!(
+        provision(&mut rig, 0, 1_000),
+        [
+            "141#8000000000000000",
+            "141#B3000000E8030000",
+            "141#B200000000000000",
+            "141#B501010000000000",
+        ]
+    );
 }
 
 #[test]

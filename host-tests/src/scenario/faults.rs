@@ -29,6 +29,7 @@ impl Bench {
         let injection = match (words.get(1), on) {
             (Some(&"faults"), None) => Injection::FaultBits(parse(words, 2, "fault word")?),
             (Some(&"dialect"), None) => Injection::RmdDialect(parse(words, 2, "dialect")?),
+            (Some(&"firmware"), None) => Injection::RmdFirmware(parse(words, 2, "date")?),
             (Some(&"lose-replies"), None) => Injection::LoseReplies(parse(words, 2, "count")?),
             (Some(&"lose-answers-like"), Some(false)) => {
                 Injection::LoseAnswersLike(Beginning::default())

@@ -4,6 +4,7 @@
 //! A job is a sequence of exchanges with a check after each; its result answers the host's request.
 
 use super::Axis;
+use super::identity::Identity;
 use super::sequence::Sequence;
 use super::state::State;
 use crate::config::AxisConfig;
@@ -33,6 +34,10 @@ pub(crate) struct Job {
     /// The motor's output is on, as the axis held before the job or a command of the job has
     /// switched it on.
     output_on: bool,
+    /// Which motor answers it, where it asks that.
+    pub(super) identity: Identity,
+    /// That motor tells its model in parts.
+    pub(super) model_goes_on: bool,
 }
 
 /// How long a step may wait until the bus takes its request.
@@ -112,9 +117,15 @@ impl JobKind {
             Self::Recognise => info.recognising,
             Self::Clear => info.clearing,
             Self::Restart => info.restarting,
-            Self::Provision { .. } => {
-                &[Exchange::OutputOff, Exchange::RenewTimeout, Exchange::TimeoutSwitch]
-            }
+            Self::Provision { .. } => &[
+                Exchange::OutputOff,
+                Exchange::RenewTimeout,
+                Exchange::TimeoutSwitch,
+                Exchange::Identity(0),
+                Exchange::Identity(1),
+                Exchange::Identity(2),
+                Exchange::Identity(3),
+            ],
             Self::OutputOff => &[Exchange::OutputOff],
             // Whether it has restarted since is seen by its run time before.
             Self::Native { command, .. } if command.sets() == Sets::AfterRestart => {
@@ -177,6 +188,8 @@ impl Axis {
             brake_freed: false,
             timeout_told: false,
             output_on: matches!(self.state, State::Holding),
+            identity: Identity::UNKNOWN,
+            model_goes_on: false,
         });
         match kind {
             JobKind::Arm { .. } => self.enter(State::Arming, out),
@@ -266,6 +279,7 @@ impl Axis {
             // A motor that holds is told to again behind a silence, and goes on holding.
             Exchange::OutputOff if !lets_go && self.is_held() => true,
             Exchange::OverwritePending | Exchange::ExecutePending if !self.write_waits => true,
+            Exchange::Identity(read) if self.needs_no_identity(read) => true,
             _ => self.command_for(exchange).is_none(),
         });
         if let Some(job) = &mut self.job {
@@ -301,6 +315,7 @@ impl Axis {
         {
             return;
         }
+        self.note_identity(exchange, seen.versions, data);
         self.step_done(now, seen, data, out);
     }
 
@@ -356,7 +371,10 @@ impl Axis {
         let Some(job) = &mut self.job else { return };
         job.unanswered = job.unanswered.saturating_add(1);
         job.since = now;
-        if job.unanswered >= tries {
+        if job.unanswered >= tries && has_left && matches!(exchange, Exchange::Identity(_)) {
+            // It does not tell.
+            self.step_done(now, &Observation::default(), &[], out);
+        } else if job.unanswered >= tries {
             let hint = match exchange {
                 _ if !has_left => NoReplyHint::NotAcknowledged,
                 _ if changes && may_be_mute => NoReplyHint::AckLevelBelow,
@@ -462,7 +480,7 @@ impl Axis {
         match kind {
             // It waits for the others.
             JobKind::Prepare { .. } | JobKind::StandBy { .. } => {}
-            JobKind::Arm { epoch, alone } => match self.check_motor_timeout(now) {
+            JobKind::Arm { epoch, alone } => match self.check_told_timeout(now) {
                 Ok(()) => {
                     if self.brake_is_freed_unseen() {
                         out.event(&Event::BrakeUnverified { axis: self.index, locked: false });

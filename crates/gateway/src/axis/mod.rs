@@ -7,6 +7,7 @@ mod angle;
 mod arming;
 mod cycle;
 mod first_stop;
+mod identity;
 mod job;
 mod limits;
 mod look;
@@ -47,6 +48,7 @@ use host_protocol::{
     AxisParameter, AxisSummary, CycleResult, Event, FaultReading, MotorTimeout, Setting,
     StateField, StateFields,
 };
+use identity::Identity;
 use outcome::Silence;
 use part::Part;
 use restart::RunTime;
@@ -86,6 +88,8 @@ pub(crate) struct Axis {
     /// something may have changed it since. It outlives a reset of the gateway, and arming
     /// writes it again where the motor may lose it, also where `motor_timeout` is unknown.
     written_timeout_ms: u32,
+    /// Which motor that was; it outlives a reset of the gateway too.
+    told_motor: Identity,
     /// When the motor sent something last.
     heard_at: Instant,
     /// Time since the motor started, as last read.
@@ -127,6 +131,7 @@ impl Axis {
             angle: Angle::UNKNOWN,
             motor_timeout: MotorTimeout::Unknown,
             written_timeout_ms: 0,
+            told_motor: Identity::UNKNOWN,
             heard_at: Instant::from_micros(0),
             run_time: RunTime::UNKNOWN,
             restarts_until: Instant::from_micros(0),

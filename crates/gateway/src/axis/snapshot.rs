@@ -27,6 +27,7 @@ impl Axis {
             angle,
             motor_timeout,
             written_timeout_ms,
+            told_motor,
             heard_at,
             run_time,
             restarts_until,
@@ -48,7 +49,8 @@ impl Axis {
                 (transactions, silence, unread, polls, measured).serialize(to)
             }
             _ => {
-                let timeout = (motor_timeout, written_timeout_ms, heard_at, run_time);
+                let told = (written_timeout_ms, told_motor);
+                let timeout = (motor_timeout, told, heard_at, run_time);
                 let flags = (restarts_until, restart_owed, write_waits, first_stop);
                 let rest = (evidence, is_unsaved, row_was_told);
                 (angle, timeout, flags, rest, telemetry).serialize(to)

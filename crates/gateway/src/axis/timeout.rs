@@ -1,6 +1,7 @@
 //! The motor's own timeout, the second layer: what is known of it, and what follows (GUARANTEES G1,
 //! G4).
 
+use super::identity::Identity;
 use super::restart::CLOCK_PART;
 use super::{Axis, JobKind};
 use crate::protocol::{self, Exchange, Info};
@@ -10,9 +11,13 @@ use host_protocol::{AxisParameter, Error, MotorTimeout};
 
 /// A timeout that acts later than this counts as off (GUARANTEES G1).
 const LONGEST_TIMEOUT_MS: u32 = 60_000;
-/// Bits of the retained word beside the timeout, which never reaches them.
+/// Bits of the retained word beside the timeout, which never reaches them, and below them the
+/// motor that was told it.
 const RESTART_OWED: u32 = 1 << 31;
 const TIMEOUT_OFF: u32 = 1 << 30;
+const TOLD_MOTOR_AT: u32 = 16;
+const _: () = assert!(LONGEST_TIMEOUT_MS < 1 << TOLD_MOTOR_AT, "the timeout leaves them free");
+const _: () = assert!(TIMEOUT_OFF == 1 << (TOLD_MOTOR_AT + Identity::BITS), "so does the motor");
 
 /// The power of a motor that was not heard for so long may have been off (GUARANTEES G1).
 const POWER_MAY_HAVE_BEEN_OFF: Duration = Duration::from_millis(1_000);
@@ -117,6 +122,7 @@ impl Axis {
     pub fn forget_motor_timeout(&mut self) {
         self.timeout_is(MotorTimeout::Unknown);
         self.is_unsaved |= core::mem::take(&mut self.written_timeout_ms) != 0;
+        self.told_motor = Identity::UNKNOWN;
     }
 
     /// Nobody knows what has become of the motor. What was provisioned stays where arming writes it
@@ -154,6 +160,7 @@ impl Axis {
     /// The motor has taken a timeout. It was read back that it is on, or counts as long as
     /// written.
     pub(super) fn provisioned(&mut self, timeout_ms: u32) {
+        let told_motor = self.job.as_ref().map_or(Identity::UNKNOWN, |job| job.identity);
         self.forget_motor_timeout();
         let known = match timeout_ms {
             0 => MotorTimeout::Off,
@@ -164,7 +171,7 @@ impl Axis {
             _ if self.tells_whether_on() => MotorTimeout::Unknown,
             other if is_as_good_as_none(other) => MotorTimeout::Off,
             _ => {
-                self.written_timeout_ms = timeout_ms;
+                (self.written_timeout_ms, self.told_motor) = (timeout_ms, told_motor);
                 self.is_unsaved = true;
                 MotorTimeout::Written { timeout_ms }
             }
@@ -173,12 +180,15 @@ impl Axis {
     }
 
     /// What outlives a reset of the gateway: the timeout last written to the motor, ms, 0 where
-    /// none is known; and in the highest bits whether it owes a restart, and whether its timeout is
-    /// known to be off.
+    /// none is known, and which motor that was; and in the highest bits whether it owes a restart,
+    /// and whether its timeout is known to be off.
     pub fn told_word(&self) -> u32 {
         let bit = |so, bit| if so { bit } else { 0 };
         let is_off = self.motor_timeout == MotorTimeout::Off;
-        self.written_timeout_ms | bit(self.owes_restart(), RESTART_OWED) | bit(is_off, TIMEOUT_OFF)
+        self.written_timeout_ms
+            | self.told_motor.bits() << TOLD_MOTOR_AT
+            | bit(self.owes_restart(), RESTART_OWED)
+            | bit(is_off, TIMEOUT_OFF)
     }
 
     /// What was written before the gateway was reset. The motor's power may have been off since, so
@@ -192,11 +202,12 @@ impl Axis {
         if word & TIMEOUT_OFF != 0 {
             self.motor_timeout = MotorTimeout::Off;
         }
-        let timeout_ms = word & !(RESTART_OWED | TIMEOUT_OFF);
+        let timeout_ms = word & ((1 << TOLD_MOTOR_AT) - 1);
         if is_as_good_as_none(timeout_ms) {
             return;
         }
         self.written_timeout_ms = timeout_ms;
+        self.told_motor = Identity::of_bits(word >> TOLD_MOTOR_AT);
         if self.stores_its_timeout() {
             self.motor_timeout = MotorTimeout::Written { timeout_ms };
         }
@@ -220,6 +231,11 @@ impl Axis {
         } else {
             self.config.stop_repeat()
         }
+    }
+
+    /// Whether the motor was told a timeout that it keeps without power.
+    pub(super) fn has_stored_timeout(&self) -> bool {
+        self.written_timeout_ms > 0 && self.stores_its_timeout()
     }
 
     fn stores_its_timeout(&self) -> bool {

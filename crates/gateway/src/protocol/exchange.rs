@@ -68,6 +68,9 @@ pub(crate) enum Exchange {
     /// Read something whose answer tells which version of its protocol the motor speaks (RMD): the
     /// place of the read among those that do.
     Version(u8),
+    /// Read something whose answer tells which motor it is (RMD): 0 its firmware, 1 to 3 the parts
+    /// of its model.
+    Identity(u8),
 }
 
 impl Exchange {

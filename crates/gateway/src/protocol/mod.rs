@@ -28,7 +28,7 @@ pub(crate) use stream::Stream;
 pub(crate) use versions::Evidence;
 
 use crate::config::AxisConfig;
-use crate::measured::Observation;
+use crate::measured::{Observation, Versions};
 use crate::time::Duration;
 use convert::Scale;
 use host_protocol::{
@@ -377,6 +377,11 @@ pub(crate) fn is_returned_for(command: &Command, received: &Received) -> bool {
         Received::Thruster { reply, .. } => thruster::is_returned_for(command, reply),
         Received::Rmd { .. } | Received::D5 { .. } => false,
     }
+}
+
+/// Whether the motor tells its model in parts, of which its answer in such a version was the first.
+pub(crate) fn is_part_of_model(versions: Versions) -> bool {
+    rmd::is_part_of_model(versions)
 }
 
 /// Whether one reply may answer the one command as well as the other.

@@ -19,6 +19,9 @@ use rmd::{
     TorqueCap, can,
 };
 
+/// The place of the model among the reads that tell the dialect.
+const MODEL_PROBE: u8 = 1;
+
 /// Hundredths of a degree in the degree of the replies' angle.
 const CENTI: i32 = 100;
 
@@ -73,6 +76,10 @@ pub(super) static INFO: Info = Info {
         Exchange::Version(0),
         Exchange::Version(1),
         Exchange::Version(2),
+        Exchange::Identity(0),
+        Exchange::Identity(1),
+        Exchange::Identity(2),
+        Exchange::Identity(3),
         Exchange::ReleaseBrake,
         Exchange::Velocity,
         Exchange::Position,
@@ -154,6 +161,11 @@ fn request_of(command: &Command) -> Option<Request> {
 
 /// One bit for each dialect that can be recognised.
 pub(super) const KNOWN: u8 = Dialects::KNOWN.bits();
+
+/// Whether an answer that these dialects have to the read of the model is the first of its parts.
+pub(super) fn is_part_of_model(dialects: Versions) -> bool {
+    dialects.only() == Some(Dialect::V4_4 as u8)
+}
 
 /// The data bytes of the reads whose answers tell the dialect.
 pub(super) fn probes() -> impl Iterator<Item = [u8; rmd::DATA_LEN]> {
@@ -288,6 +300,10 @@ fn command(exchange: Exchange, config: &AxisConfig) -> Option<Command> {
             Request::SetCommunicationTimeout { timeout: Milliseconds(timeout_ms) }
         }
         Exchange::Version(place) => return Some(Command::RmdProbe(place)),
+        Exchange::Identity(0) => Request::ReadVersionDate,
+        // In whatever form it answers.
+        Exchange::Identity(1) => return Some(Command::RmdProbe(MODEL_PROBE)),
+        Exchange::Identity(part) => Request::ReadModelPart { part },
         _ => return None,
     };
     Some(Command::Rmd(request))

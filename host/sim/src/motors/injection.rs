@@ -157,6 +157,8 @@ injections! {
     values:
     /// RMD: the number of the dialect that it speaks; 0: V3.6.
     RmdDialect rmd_dialect: u8;
+    /// RMD: the date of its firmware; 0: 20220206.
+    RmdFirmware rmd_firmware: u32;
     /// These bits stand in its fault word; 0 takes the cause away. Whether the bits then go depends
     /// on the motor.
     FaultBits fault_bits: u16;

@@ -160,7 +160,11 @@ impl Rmd {
                 Reply::BrakeLocked
             }
             Request::ReadRunTime => Reply::RunTime { time: Milliseconds(self.run_time_ms(cx.now)) },
-            Request::ReadVersionDate => Reply::VersionDate { date: VersionDate(VERSION) },
+            Request::ReadVersionDate => {
+                let injected = cx.injected.rmd_firmware;
+                let date = if injected == 0 { VERSION } else { injected };
+                Reply::VersionDate { date: VersionDate(date) }
+            }
             Request::SetCommunicationTimeout { timeout } => {
                 self.memory.timeout_ms = timeout.0;
                 Reply::CommunicationTimeout { timeout }
