@@ -346,7 +346,8 @@ errors! {
     /// The motor was told something that acts after a restart, and has not restarted since.
     64 RestartOwed { axis: u8 }
         "the motor of axis {axis} has a new zero point that acts after a restart, and was not seen \
-        to restart: have it do so (0x76), and arm the axis";
+        to restart: have it do so (0x76), and arm the axis; one that is gone is given up by \
+        clear-unreachable";
     /// A bus cannot run at this bitrate: as it was to be configured, or as a motor on it was to be
     /// set.
     65 BitrateNotOffered { bus: u8, bitrate: u32, offered: [u32; MAX_BITRATES] }

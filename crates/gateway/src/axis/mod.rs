@@ -98,6 +98,8 @@ pub(crate) struct Axis {
     restarts_until: Instant,
     /// A command was sent that acts only after a restart. It outlives a reset of the gateway.
     restart_owed: bool,
+    /// When somebody gave it up without a confirmed stop.
+    given_up_at: Instant,
     /// An asynchronous write waits in the motor.
     write_waits: bool,
     first_stop: FirstStop,
@@ -136,6 +138,7 @@ impl Axis {
             run_time: RunTime::UNKNOWN,
             restarts_until: Instant::from_micros(0),
             restart_owed: false,
+            given_up_at: Instant::from_micros(0),
             write_waits: false,
             first_stop: FirstStop::OWED,
             evidence: Evidence::NONE,
@@ -162,6 +165,7 @@ impl Axis {
             self.first_stop = FirstStop::OWED;
             self.state_poll_at = Instant::default();
             self.forget_motor_timeout();
+            self.set_restart_owed(false);
             self.run_time = RunTime::UNKNOWN;
             self.restarts_until = Instant::default();
             self.measured = Measured::new();

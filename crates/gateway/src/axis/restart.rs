@@ -113,6 +113,12 @@ impl Axis {
         self.restart_owed
     }
 
+    /// Whether the axis has to stay that of its motor until this has restarted. One that was given
+    /// up, and not heard since, may be gone.
+    pub fn is_kept_for_restart(&self) -> bool {
+        self.owes_restart() && self.given_up_at <= self.heard_at
+    }
+
     pub(super) fn set_restart_owed(&mut self, owed: bool) {
         self.is_unsaved |= owed != self.restart_owed;
         self.restart_owed = owed;

@@ -32,6 +32,7 @@ impl Axis {
             run_time,
             restarts_until,
             restart_owed,
+            given_up_at,
             write_waits,
             first_stop,
             evidence,
@@ -51,7 +52,8 @@ impl Axis {
             _ => {
                 let told = (written_timeout_ms, told_motor);
                 let timeout = (motor_timeout, told, heard_at, run_time);
-                let flags = (restarts_until, restart_owed, write_waits, first_stop);
+                let restart = (restarts_until, restart_owed, given_up_at);
+                let flags = (restart, write_waits, first_stop);
                 let rest = (evidence, is_unsaved, row_was_told);
                 (angle, timeout, flags, rest, telemetry).serialize(to)
             }

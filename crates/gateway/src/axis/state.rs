@@ -392,11 +392,12 @@ impl Axis {
 
     /// Leaves a trip whose stop the motor does not confirm, or a stop that cannot be sent. Unsafe:
     /// the motor may be turning.
-    pub fn clear_unreachable(&mut self, out: &mut Outbox<'_>) -> Result<(), Error> {
+    pub fn clear_unreachable(&mut self, now: Instant, out: &mut Outbox<'_>) -> Result<(), Error> {
         if !self.stop().is_some_and(|stop| stop.unreachable || stop.not_sent) {
             return Err(Error::NothingToClear { axis: self.index });
         }
         self.doubt_motor_timeout();
+        self.given_up_at = now;
         self.first_stop = FirstStop::OWED;
         self.transactions.preempt();
         self.enter(State::Idle, out);

@@ -179,7 +179,7 @@ impl Gateway {
             return Err(Error::NotIdle { axis: index, state: axis.state() });
         }
         // Nobody would know any more what its motor owes.
-        if axis.owes_restart() && is_moved(&axis.config, config) {
+        if axis.is_kept_for_restart() && is_moved(&axis.config, config) {
             return Err(Error::RestartOwed { axis: index });
         }
         // An axis with a motor has a stop action, or there is no such axis any more.

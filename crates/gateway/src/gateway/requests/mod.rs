@@ -149,7 +149,7 @@ impl Gateway {
             Request::ClearUnreachable(request) => {
                 // It may have become unreachable just now.
                 self.remember_trips();
-                self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(out))??;
+                self.with_axis(now, request.axis, |axis, out| axis.clear_unreachable(now, out))??;
                 Reply::ClearUnreachable(replies::Done {})
             }
             Request::OutputOff(request) => return self.output_off(now, request.axis, ticket),
