@@ -44,6 +44,22 @@ fn bits(dialects: &[u32]) -> u8 {
     dialects.iter().fold(0, |bits, dialect| bits | 1 << dialect)
 }
 
+/// That of the model is asked once more where the motor was told a timeout, and counts.
+#[test]
+fn a_contradiction_of_which_the_first_answer_was_lost_is_one() {
+    let mut rig = speaking(V4_3, V4_4, StopAction::Hold);
+    bench::provision(&mut rig, 400).unwrap();
+    let mut asked = 0;
+    rig.instead(move |text| {
+        asked += u32::from(text.starts_with("141#B501"));
+        let is_lost = text.starts_with("141#30") || text.starts_with("141#B501") && asked == 1;
+        if is_lost { Instead::Nothing } else { Instead::AsUsual }
+    });
+    let possible = bits(&[V4_4]);
+    let refused = Error::DialectContradicted { axis: 0, stated: 5, possible };
+    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(refused));
+}
+
 /// Also the default, v3_6, which nobody has stated.
 #[test]
 fn what_the_answers_of_its_motor_contradict_is_not_armed() {

@@ -1,6 +1,7 @@
 //! Which motor was told its own timeout, as far as its answers tell: the firmware and the model of a
 //! motor that keeps its timeout without power (GUARANTEES G1).
 
+use super::state::State;
 use super::{Axis, JobKind};
 use crate::measured::Versions;
 use crate::protocol::{self, Exchange};
@@ -41,6 +42,16 @@ impl Identity {
 }
 
 impl Axis {
+    /// Which of the reads that tell the version an answer belongs to: the model is asked as one of
+    /// them, and when the axis is armed the answer counts with those before.
+    pub(super) fn version_told(&self, exchange: Exchange) -> Option<u8> {
+        match exchange {
+            Exchange::Version(read) => Some(read),
+            Exchange::Identity(MODEL) if matches!(self.state, State::Arming) => Some(MODEL),
+            _ => None,
+        }
+    }
+
     /// The motor has answered a step of the job.
     pub(super) fn note_identity(&mut self, exchange: Exchange, versions: Versions, data: &[u8]) {
         if let Exchange::Identity(_) = exchange

@@ -310,7 +310,7 @@ impl Axis {
         if exchange == Exchange::RunTime && self.awaits_restart(now, out) {
             return;
         }
-        if let Exchange::Version(read) = exchange
+        if let Some(read) = self.version_told(exchange)
             && !self.version_read(now, read, data, seen.versions, out)
         {
             return;

@@ -27,7 +27,7 @@ impl Axis {
     ) -> bool {
         let Some(job) = &self.job else { return true };
         if job.sequence.has_passed(Exchange::Version(read)) {
-            self.evidence.again(read, versions);
+            self.evidence.again(read, data, versions);
         } else {
             self.evidence.first(read, data, versions);
         }

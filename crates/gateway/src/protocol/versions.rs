@@ -41,12 +41,12 @@ impl Evidence {
         }
     }
 
-    /// The answer when it is asked again.
-    pub fn again(&mut self, read: u8, versions: Versions) {
-        if let Some(told) = self.0.get_mut(usize::from(read))
-            && told.versions != Versions::NONE
-            && versions != Versions::NONE
-        {
+    /// The answer when it is asked again: the first one, where there was none before.
+    pub fn again(&mut self, read: u8, data: &[u8], versions: Versions) {
+        let Some(told) = self.0.get_mut(usize::from(read)) else { return };
+        if told.versions == Versions::NONE {
+            self.first(read, data, versions);
+        } else if versions != Versions::NONE && told.agreement != Agreement::Different {
             told.agreement = match told.versions == versions {
                 true => Agreement::Twice,
                 false => Agreement::Different,
