@@ -166,7 +166,8 @@ fn the_same_address_again_is_the_same_motor_and_goes_on_being_held() {
         bench::parameter(&mut rig, 0, parameter, Value::Unsigned(value));
         assert_eq!(listed(&mut rig, 0), AxisState::Holding, "{parameter:?}");
     }
-    bench::parameter(&mut rig, 0, AxisParameter::StopAction, Value::Unsigned(1));
+    let brake = Value::Unsigned(u32::from(StopAction::Brake.number()));
+    bench::parameter(&mut rig, 0, AxisParameter::StopAction, brake);
     assert_eq!(listed(&mut rig, 0), AxisState::Holding, "its output is still on");
     let since = rig.now_us;
     run_with_host(&mut rig, 500_000);

@@ -13,7 +13,8 @@ use crate::rules;
 use crate::set::Set;
 use crate::time::{Duration, Instant};
 use host_protocol::{
-    AxisParameter, AxisState, BusKind, Change, Error, GatewayParameter, TripReason, Value,
+    AxisParameter, AxisState, BusKind, Change, Error, GatewayParameter, StopAction, TripReason,
+    Value,
 };
 
 impl Gateway {
@@ -176,6 +177,11 @@ impl Gateway {
         }
         // Nobody would poll the motor that holds any more.
         if axis.is_kept_holding() && config.address() != axis.config.address() {
+            return Err(Error::NotIdle { axis: index, state: axis.state() });
+        }
+        // Its next stop, a trip's or of an e-stop, would drop what it holds.
+        let coasts = |config: &AxisConfig| config.stop_action() == Some(StopAction::Coast);
+        if axis.is_kept_holding() && coasts(config) && !coasts(&axis.config) {
             return Err(Error::NotIdle { axis: index, state: axis.state() });
         }
         // Nobody would know any more what its motor owes.
