@@ -206,8 +206,8 @@ impl Axis {
         if is_as_good_as_none(timeout_ms) {
             return;
         }
-        self.written_timeout_ms = timeout_ms;
         self.told_motor = Identity::of_bits(word >> TOLD_MOTOR_AT);
+        self.written_timeout_ms = timeout_ms;
         if self.stores_its_timeout() {
             self.motor_timeout = MotorTimeout::Written { timeout_ms };
         }
