@@ -88,7 +88,7 @@ fn motors_without_an_axis_and_two_with_one_id_are_found() {
 #[test]
 fn a_motor_that_speaks_into_a_request_is_no_noise() {
     let mut collisions = 0;
-    for phase in 0..20 {
+    for phase in 0..40 {
         let world = Rc::new(RefCell::new(World::new(Wiring::four_motors())));
         let run = |words: &[&str]| -> (Outcome, String) {
             let transport = SimTransport::new(world.clone(), 0);
@@ -101,8 +101,8 @@ fn a_motor_that_speaks_into_a_request_is_no_noise() {
         let trace = world.borrow_mut().trace();
         let notice = trace.iter().find(|entry| entry.wire.to_string().starts_with("3E0108F1"));
         let next_us = notice.expect("a notice").time_us + 1_000_000;
-        // The doctor comes to bus 2 after 31 ms.
-        let begin_us = next_us - 32_000 + 150 * phase;
+        // The doctor comes to bus 2 after 31 ms, to the motor some 100 µs long.
+        let begin_us = next_us - 32_500 + 50 * phase;
         world.borrow_mut().run_until(gateway::Instant::from_micros(begin_us));
         let (outcome, said) = run(&["doctor"]);
         assert_eq!(outcome.exit_code, 0, "{said}");
