@@ -1,5 +1,5 @@
-//! Which motor was told its own timeout, as far as its answers tell: the firmware and the model of a
-//! motor that keeps its timeout without power (GUARANTEES G1).
+//! Which motor was told its own timeout, as far as its answers tell: the firmware and the model of
+//! a motor that keeps its timeout without power (GUARANTEES G1).
 
 use super::state::State;
 use super::{Axis, JobKind};
