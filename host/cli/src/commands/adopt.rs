@@ -69,7 +69,7 @@ pub fn run(session: &mut Session, arguments: &AdoptArgs) -> Result<(), Failure> 
     if adopted.is_empty() {
         session.out.aside("no motor was found that is not an axis already");
     }
-    let text = config::dump_with(&wanted, HEADING, &comments);
+    let text = config::dump_with(&wanted, HEADING, &comments, false);
     let path = arguments.output.as_deref();
     let fields = json!({
         "adopted": adopted, "left_out": left_out,

@@ -112,9 +112,13 @@ pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> 
         ConfigAction::Set(row) => {
             let (row, assignments) = row.parts(session)?;
             let entries = config::assignments(row, assignments)?;
+            let buses = session.client.hello().buses.len();
             change(session, row, |wanted| {
                 entries.iter().for_each(|entry| wanted.set(entry));
-                Ok(())
+                match row {
+                    Subject::Axis(axis) if wanted.has(row) => wanted.refuse_incomplete(axis, buses),
+                    _ => Ok(()),
+                }
             })
         }
         ConfigAction::Timeout { axis, milliseconds } => {
@@ -236,6 +240,7 @@ fn change(
     let mut wanted = running.clone();
     alter(&mut wanted)?;
     if let Subject::Bus(bus) = row
+        && !running.has(row)
         && let Some(config) = wanted.buses.get(&bus)
         && (config.bitrate == NEW_BUS.bitrate || config.protocols == NEW_BUS.protocols)
     {

@@ -3,7 +3,7 @@
 
 use std::mem::{discriminant, replace};
 
-use gateway::{AxisRules, Board, BusPort, Event, Gateway, Instant, LinkPort};
+use gateway::{Board, BusPort, Event, Gateway, Instant, LinkPort};
 use host_protocol::{
     AxisParameter, BootReason, BusKind, Change, Deframer, Error, Kind, MAX_FRAME, PROTOCOL_MAJOR,
     PROTOCOL_MINOR, ProtocolSet, Quantity, Request, StopAction, Subject, Value, requests,
@@ -94,9 +94,13 @@ impl Check<'_> {
     fn bus(&mut self, bus: u8, config: &host_protocol::BusConfig) {
         let row = Subject::Bus(bus);
         let mut is_complete = true;
+        // None at all are protocols, too, where only raw frames are sent.
+        let lacks_protocols = config.protocols == ProtocolSet::NONE
+            && self.file.must_be_whole(row)
+            && !self.file.sets_protocols(bus);
         let lacks = [
             (config.bitrate == 0, "bitrate", "bitrate = 1_000_000"),
-            (config.protocols == ProtocolSet::NONE, "protocols", "protocols = [\"rmd\"]"),
+            (lacks_protocols, "protocols", "protocols = [\"rmd\"]"),
         ];
         for (is_missing, key, example) in lacks {
             if is_missing {
@@ -118,30 +122,20 @@ impl Check<'_> {
             return self.finds(row, Some("axis"), &error);
         }
         let mut values = configuration.axes.get(&axis).cloned().unwrap_or_default();
-        let required = AxisParameter::ALL.iter().filter(|parameter| parameter.info().required);
-        for parameter in required.filter(|parameter| !values.contains_key(parameter)) {
-            let takes = format!("it takes {}", parameters::allowed(parameter.info()));
-            self.lacks(row, parameter.text().name, &takes);
+        if self.file.must_be_whole(row) {
+            for parameter in configuration.missing(axis) {
+                let takes = format!("it takes {}", parameters::allowed(parameter.info()));
+                self.lacks(row, parameter.text().name, &takes);
+            }
+            if let Some(bus) = configuration.idle_bus_of(axis)
+                && usize::from(bus) < board.ports.len()
+            {
+                let text = format!("bus {bus} is not configured; add [[bus]] with bus = {bus}");
+                self.says(row, Some("bus"), "BusNotConfigured", text);
+            }
         }
-        let bus = values.get(&AxisParameter::Bus).copied().and_then(Value::as_unsigned);
-        if let Some(bus) = bus
-            && usize::try_from(bus).is_ok_and(|bus| bus < board.ports.len())
-            && !configuration.buses.keys().any(|known| u32::from(*known) == bus)
-        {
-            let text = format!("bus {bus} is not configured; add [[bus]] with bus = {bus}");
-            self.says(row, Some("bus"), "BusNotConfigured", text);
-        }
-        let kind = bus.and_then(|bus| board.kind(usize::try_from(bus).ok()?));
-        let mut rules = AxisRules::new(axis, kind.unwrap_or(BusKind::Can));
-        for (parameter, value) in &values {
-            // Its range was looked at when it was read.
-            let _ = rules.set(*parameter, *value);
-        }
-        let number = bus.and_then(|bus| u8::try_from(bus).ok());
-        let config = number.and_then(|bus| configuration.buses.get(&bus));
-        let window_us = config.map_or(0, |config| config.reply_window_us);
-        if let Some(timeout_ms) = configuration.motor_timeouts.get(&axis)
-            && let Err(error) = rules.check_motor_timeout(*timeout_ms, window_us)
+        if self.file.names(row)
+            && let Err(error) = configuration.check_motor_timeout(axis)
         {
             self.finds(row, Some(MOTOR_TIMEOUT), &error);
         }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use host_protocol::{ParameterInfo, Subject, Value};
 
-use super::{Configuration, MOTOR_TIMEOUT, NAME};
+use super::{Configuration, INCOMPLETE, MOTOR_TIMEOUT, NAME};
 use crate::parameters;
 
 /// What the file says of itself.
@@ -16,14 +16,16 @@ const HEADING: &str = "\
 
 /// The text of the file. Read again it is the same configuration.
 pub fn dump(configuration: &Configuration) -> String {
-    dump_with(configuration, HEADING, &BTreeMap::new())
+    dump_with(configuration, HEADING, &BTreeMap::new(), true)
 }
 
-/// The same with another heading, and comments before the axes.
+/// The same with another heading, and comments before the axes. With `as_it_is` an axis that lacks
+/// what it needs says so, and the file can be applied; without it that is still to be written.
 pub fn dump_with(
     configuration: &Configuration,
     heading: &str,
     comments: &BTreeMap<u8, Vec<String>>,
+    as_it_is: bool,
 ) -> String {
     let mut text = heading.to_owned();
     let name = |text: &mut String, row| {
@@ -53,11 +55,19 @@ pub fn dump_with(
         section(&mut text, &format!("{comments}[[axis]]"));
         key(&mut text, "axis", axis);
         name(&mut text, Subject::Axis(*axis));
+        let lacks = !configuration.missing(*axis).is_empty();
+        if as_it_is && (lacks || configuration.idle_bus_of(*axis).is_some()) {
+            key(&mut text, INCOMPLETE, &true);
+        }
         for (parameter, value) in values {
             key(&mut text, parameter.text().name, &written(parameter.info(), *value));
         }
         if let Some(timeout_ms) = configuration.motor_timeouts.get(axis) {
-            key(&mut text, MOTOR_TIMEOUT, timeout_ms);
+            // It was written before a brake was configured, for example.
+            let is_refused = configuration.check_motor_timeout(*axis).is_err();
+            let refused = "# In the motor, and refused as it is configured: ";
+            let mark = if is_refused { refused } else { "" };
+            key(&mut text, &format!("{mark}{MOTOR_TIMEOUT}"), timeout_ms);
         }
     }
     text

@@ -9,7 +9,8 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::{
-    BUS_KEYS, Configuration, Entry, Finding, MOTOR_TIMEOUT, NAME, NEW_BUS, entry, protocols,
+    BUS_KEYS, Configuration, Entry, Finding, INCOMPLETE, MOTOR_TIMEOUT, NAME, NEW_BUS, entry,
+    protocols,
 };
 use crate::config::BusKey;
 use crate::failure::Failure;
@@ -97,11 +98,33 @@ impl File {
             (Entry::MotorTimeout(axis, _), Subject::Axis(index)) => {
                 *axis == index && key == Some(MOTOR_TIMEOUT)
             }
+            (Entry::Incomplete(axis, _), Subject::Axis(index)) => {
+                *axis == index && key == Some(INCOMPLETE)
+            }
             (Entry::Name(of, _), row) => *of == row && key == Some(NAME),
             _ => false,
         };
         let key_line = self.entries.iter().find(|(entry, _)| is_key(entry)).map(|(_, line)| *line);
         key_line.or_else(|| self.rows.iter().find(|(of, _)| *of == row).map(|(_, line)| *line))
+    }
+
+    /// Whether a row must have all that it needs: one that the file names, and does not call
+    /// incomplete.
+    pub fn must_be_whole(&self, row: Subject) -> bool {
+        let incomplete = |(entry, _): &(Entry, usize)| matches!(*entry, Entry::Incomplete(axis, true) if row == Subject::Axis(axis));
+        self.names(row) && !self.entries.iter().any(incomplete)
+    }
+
+    /// Whether it says something of a row.
+    pub fn names(&self, row: Subject) -> bool {
+        self.rows.iter().any(|(of, _)| *of == row)
+    }
+
+    /// Whether it sets the protocols of a bus.
+    pub fn sets_protocols(&self, bus: u8) -> bool {
+        let sets =
+            |entry: &Entry| matches!(*entry, Entry::Bus(of, BusKey::Protocols(_)) if of == bus);
+        self.entries.iter().any(|(entry, _)| sets(entry))
     }
 
     /// Whether a key is there with a value that it cannot have.
@@ -239,6 +262,10 @@ pub fn read_value(row: Subject, key: &str, value: &DeValue<'_>) -> Result<Entry,
             let timeout_ms = timeout_ms.ok_or_else(|| wrong("a whole number from 0 on"))?;
             Ok(Entry::MotorTimeout(axis, timeout_ms))
         }
+        (Subject::Axis(axis), INCOMPLETE, value) => {
+            let incomplete = value.as_bool().ok_or_else(|| wrong("true or false, without quotes"));
+            incomplete.map(|incomplete| Entry::Incomplete(axis, incomplete))
+        }
         (Subject::Bus(bus), "protocols", value) => {
             let names: Option<Vec<&str>> = value
                 .as_array()
@@ -263,7 +290,9 @@ fn takes_no_text(entry: &Entry) -> Option<String> {
     let info = match entry {
         Entry::Gateway(parameter, _) => parameter.info(),
         Entry::Axis(_, parameter, _) => parameter.info(),
-        Entry::Bus(_, BusKey::Exclusive(_)) => return Some("true or false".to_owned()),
+        Entry::Bus(_, BusKey::Exclusive(_)) | Entry::Incomplete(..) => {
+            return Some("true or false".to_owned());
+        }
         Entry::Bus(..) | Entry::MotorTimeout(..) => return Some("a whole number".to_owned()),
         Entry::Name(..) => return None,
     };

@@ -12,7 +12,7 @@ mod template;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use gateway::BusPort;
+use gateway::{AxisRules, BusPort};
 use host_protocol::{
     AxisParameter, BusConfig, BusKind, Change, Error, GatewayParameter, MAX_NAME, ParameterInfo,
     Protocol, ProtocolSet, Subject, Text, Value, is_name,
@@ -62,6 +62,8 @@ pub enum Entry {
     Bus(u8, BusKey),
     Axis(u8, AxisParameter, Value),
     MotorTimeout(u8, u32),
+    /// Whether an axis may lack what it needs; of a file, and no part of a configuration.
+    Incomplete(u8, bool),
     Name(Subject, Text<MAX_NAME>),
 }
 
@@ -81,6 +83,8 @@ pub struct Finding {
 pub const BUS_KEYS: [&str; 4] = ["bitrate", "protocols", "exclusive", "reply_window_us"];
 /// The key of an axis that is no parameter of the gateway: it is written to the motor.
 pub const MOTOR_TIMEOUT: &str = "motor_timeout_ms";
+/// The key of an axis that lacks what it needs, as a program may have left it.
+pub const INCOMPLETE: &str = "incomplete";
 
 /// The key of a name, which every row can have.
 pub const NAME: &str = "name";
@@ -155,6 +159,7 @@ impl Configuration {
             Entry::MotorTimeout(axis, timeout_ms) => {
                 self.motor_timeouts.insert(axis, timeout_ms);
             }
+            Entry::Incomplete(..) => {}
             Entry::Name(row, ref name) => {
                 self.names.insert(row, name.clone());
             }
@@ -249,6 +254,30 @@ impl Configuration {
         if is_named { Err(Failure::would_be_refused(error)) } else { Ok(()) }
     }
 
+    /// Refuses an axis that lacks what it needs, on a gateway with so many buses: it would be there
+    /// and could do nothing.
+    pub fn refuse_incomplete(&self, axis: u8, buses: usize) -> Result<(), Failure> {
+        let missing = self.missing(axis);
+        if let Some(first) = missing.first() {
+            let error = Error::NotConfigured { axis, parameter: first.number() };
+            let names: Vec<&str> = missing.iter().map(|one| one.text().name).collect();
+            let text = format!(
+                "axis {axis} lacks {}; give all of it in one command, as in `mgw config axis {axis} \
+                    bus=0 protocol=rmd node=1 stop_action=hold`. Nothing was changed",
+                names.join(", ")
+            );
+            return Err(Failure::Explained { error, text });
+        }
+        if let Some(bus) = self.idle_bus_of(axis).filter(|bus| usize::from(*bus) < buses) {
+            let text = format!(
+                "bus {bus} of axis {axis} is not configured; do that first, as in `mgw config bus \
+                    {bus} bitrate=1000000 protocols=rmd`. Nothing was changed"
+            );
+            return Err(Failure::Explained { error: Error::BusNotConfigured { bus }, text });
+        }
+        Ok(())
+    }
+
     /// The name of a row that there is.
     fn name(&self, row: Subject) -> Option<&Text<MAX_NAME>> {
         self.names.get(&row).filter(|_| self.has(row))
@@ -294,6 +323,32 @@ impl Configuration {
                 arrow(of, NAME, self.name(of).map(show), name.as_ref().map(show))
             }
         }
+    }
+
+    /// What an axis needs and has not.
+    pub fn missing(&self, axis: u8) -> Vec<AxisParameter> {
+        let is_set = |parameter| self.axes.get(&axis).is_some_and(|of| of.contains_key(parameter));
+        let required = AxisParameter::ALL.iter().filter(|parameter| parameter.info().required);
+        required.filter(|parameter| !is_set(parameter)).copied().collect()
+    }
+
+    /// The bus of an axis, if it has one and that does not run.
+    pub fn idle_bus_of(&self, axis: u8) -> Option<u8> {
+        self.bus_of(axis).filter(|bus| !self.buses.contains_key(bus))
+    }
+
+    /// Refuses the timeout of the motor of an axis where that could not be set to it.
+    pub fn check_motor_timeout(&self, axis: u8) -> Result<(), Error> {
+        let Some(timeout_ms) = self.motor_timeouts.get(&axis) else { return Ok(()) };
+        // It does not depend on the kind of the bus.
+        let mut rules = AxisRules::new(axis, BusKind::Can);
+        for (parameter, value) in self.axes.get(&axis).into_iter().flatten() {
+            // Its range was looked at when it was read.
+            let _ = rules.set(*parameter, *value);
+        }
+        let bus = self.bus_of(axis).and_then(|bus| self.buses.get(&bus));
+        let window_us = bus.map_or(0, |config| config.reply_window_us);
+        rules.check_motor_timeout(*timeout_ms, window_us)
     }
 
     /// The bus of an axis, if it has one.
@@ -470,5 +525,7 @@ pub fn change_to_json(change: &Change) -> serde_json::Value {
     }
 }
 
+#[cfg(test)]
+mod round_trip;
 #[cfg(test)]
 mod tests;

@@ -6,7 +6,7 @@ use host_protocol::{
 };
 use serde_json::{Value as Json, json};
 
-use super::{DEFAULT_REPLY_WINDOW_US, MOTOR_TIMEOUT, NAME};
+use super::{DEFAULT_REPLY_WINDOW_US, INCOMPLETE, MOTOR_TIMEOUT, NAME};
 use crate::json::extend;
 use crate::output::number;
 use crate::parameters::to_json;
@@ -30,8 +30,8 @@ pub fn schema() -> Json {
             "description": "Number of the bus." },
         (NAME): name("bus"),
         "bitrate": { "type": "integer", "minimum": 1, "description": "bit/s." },
-        "protocols": { "type": "array", "minItems": 1, "items": { "enum": protocols },
-            "description": "What the motors on it speak." },
+        "protocols": { "type": "array", "items": { "enum": protocols },
+            "description": "What the motors on it speak; nothing where only raw frames are sent." },
         "exclusive": { "type": "boolean", "default": false,
             "description": "Every node on it belongs to this gateway." },
         "reply_window_us": { "type": "integer", "minimum": min, "maximum": max,
@@ -47,15 +47,24 @@ pub fn schema() -> Json {
         (NAME): name("axis"),
         (MOTOR_TIMEOUT): { "type": "integer", "minimum": 0,
             "description": "The motor's own timeout, ms; it is written to the motor. 0 is off." },
+        (INCOMPLETE): { "type": "boolean", "default": false,
+            "description": "What it needs may be missing; until it is there it cannot be armed." },
     });
     extend(&mut axis, more);
     let required = AxisParameter::ALL.iter().filter(|parameter| parameter.info().required);
-    let required: Vec<&str> =
-        ["axis"].into_iter().chain(required.map(|parameter| parameter.text().name)).collect();
+    let required: Vec<&str> = required.map(|parameter| parameter.text().name).collect();
     let section = |keys: Json, required: &[&str]| {
         json!({ "type": "object", "additionalProperties": false, "required": required,
             "properties": keys })
     };
+    let mut axis = section(axis, &["axis"]);
+    extend(
+        &mut axis,
+        json!({
+            "if": { "properties": { (INCOMPLETE): { "const": true } }, "required": [INCOMPLETE] },
+            "else": { "required": required },
+        }),
+    );
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Configuration of a motor gateway",
@@ -64,7 +73,7 @@ pub fn schema() -> Json {
         "properties": {
             "gateway": section(gateway, &[]),
             "bus": { "type": "array", "items": section(bus, &["bus", "bitrate", "protocols"]) },
-            "axis": { "type": "array", "items": section(axis, &required) },
+            "axis": { "type": "array", "items": axis },
         },
     })
 }

@@ -106,6 +106,7 @@ fn is_default(row: Subject, key: &str, item: &Item) -> bool {
         Some(Entry::Gateway(parameter, value)) => parameter.info().default == Some(value),
         Some(Entry::Bus(_, BusKey::Exclusive(exclusive))) => !exclusive,
         Some(Entry::Bus(_, BusKey::ReplyWindow(us))) => us == DEFAULT_REPLY_WINDOW_US,
+        Some(Entry::Incomplete(_, incomplete)) => !incomplete,
         _ => false,
     }
 }

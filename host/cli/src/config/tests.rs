@@ -401,8 +401,8 @@ fn the_schema_knows_every_key() {
     assert_eq!(axis["properties"]["stop_action"]["enum"][1], "hold");
     assert_eq!(axis["properties"]["rmd_dialect"]["enum"][6], "v4_4");
     assert_eq!(
-        axis["required"],
-        serde_json::json!(["axis", "bus", "protocol", "node", "stop_action"])
+        axis["else"]["required"],
+        serde_json::json!(["bus", "protocol", "node", "stop_action"])
     );
     for key in BUS_KEYS {
         assert!(schema["properties"]["bus"]["items"]["properties"][key].is_object(), "{key}");

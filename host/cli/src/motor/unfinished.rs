@@ -47,7 +47,7 @@ impl Unfinished {
             return Ok(());
         };
         fs::create_dir_all(file.parent().unwrap_or(&file))?;
-        fs::write(&file, config::dump_with(after, HEADING, &BTreeMap::new()))?;
+        fs::write(&file, config::dump_with(after, HEADING, &BTreeMap::new(), true))?;
         self.files.push(file);
         Ok(())
     }

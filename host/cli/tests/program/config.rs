@@ -111,6 +111,44 @@ fn a_dump_that_is_applied_is_dumped_again() {
     );
 }
 
+/// It would be there and could do nothing, and its dump would be no file that can be applied.
+#[test]
+fn an_axis_that_lacks_what_it_needs_is_refused_with_all_of_it() {
+    let sim = Sim::start();
+    let before = sim.mgw(&["config", "dump"]).success();
+    let text = sim.mgw(&["config", "axis", "9", "velocity_limit_rad_s=3"]).failure(1);
+    assert!(text.contains("axis 9 lacks bus, protocol, node, stop_action; give all"), "{text}");
+    let text = sim.mgw(&["config", "axis", "9", "bus=0", "protocol=rmd", "node=9"]).failure(1);
+    assert!(text.contains("axis 9 lacks stop_action; give all"), "{text}");
+    let there = ["config", "axis", "9", "protocol=rmd", "node=9", "stop_action=hold"];
+    let text = sim.mgw(&[&there[..], &["bus=3"]].concat()).failure(1);
+    assert!(text.contains("bus 3 of axis 9 is not configured; do that first"), "{text}");
+    let text = sim.mgw(&[&there[..], &["bus=6"]].concat()).failure(1);
+    assert!(text.contains("there is no bus 6; buses are numbered below 4"), "{text}");
+    assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
+}
+
+/// Another program may leave such an axis, and a bus that carries raw frames only.
+#[test]
+fn what_is_incomplete_says_so_in_a_file() {
+    let sim = Sim::start();
+    let text = "[[bus]]\nbus = 1\nbitrate = 500_000\nprotocols = []\n\n[[axis]]\naxis = 9\n\
+                incomplete = true\nbus = 2\nvelocity_limit_rad_s = 3.0\n";
+    reading(&sim, &["config", "apply", "-"], text).success();
+    let dump = sim.mgw(&["config", "dump"]).success();
+    assert!(dump.contains("axis = 9\nincomplete = true\nbus = 2\n"), "{dump}");
+    assert!(reading(&sim, &["config", "apply", "-"], &dump).success().contains("; 0 changes"));
+    sim.mgw(&["config", "bus", "1", "exclusive=true"]).success();
+    let more =
+        "[[axis]]\naxis = 1\nbus = 1\nprotocol = \"rmd\"\nnode = 1\nstop_action = \"hold\"\n";
+    let merge = ["config", "apply", "-", "--merge"];
+    let told = reading(&sim, &merge, more).failure(1);
+    assert!(told.contains("line 4, axis 1: bus 1 is not configured for rmd"), "{told}");
+    reading(&sim, &merge, &more.replace("bus = 1", "bus = 1\nincomplete = false")).failure(1);
+    let more = format!("[[bus]]\nbus = 1\nprotocols = [\"rmd\"]\n{more}");
+    reading(&sim, &merge, &more).success();
+}
+
 #[test]
 fn a_difference_is_shown_and_is_an_exit_code() {
     let sim = Sim::start();
