@@ -65,6 +65,10 @@ pub struct RecordArgs {
     pub written: FileArgs,
 }
 
+fn recorded_axis(text: &str) -> Result<u8, String> {
+    text.parse().map_err(|_| "takes the number of an axis: a recording has no names".to_owned())
+}
+
 /// A part of a recording.
 #[derive(Debug, Args)]
 pub struct Part {
@@ -72,7 +76,7 @@ pub struct Part {
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Only of this axis; may be given often
-    #[arg(long = "axis", value_name = "AXIS")]
+    #[arg(long = "axis", value_name = "AXIS", value_parser = recorded_axis)]
     pub axes: Vec<u8>,
     /// From this time of the gateway on, seconds
     #[arg(long, value_name = "SECONDS")]

@@ -111,7 +111,7 @@ pub fn run(session: &mut Session, action: &ConfigAction) -> Result<(), Failure> 
         }
         ConfigAction::Set(row) => {
             let (row, assignments) = row.parts(session)?;
-            let entries = config::assignments(row, assignments)?;
+            let entries = config::assignments(row, assignments, |bus| session.bus(bus))?;
             let buses = session.client.hello().buses.len();
             change(session, row, |wanted| {
                 entries.iter().for_each(|entry| wanted.set(entry));

@@ -17,7 +17,7 @@ use crate::parameters;
 impl Source {
     /// What the file makes of a configuration, if a gateway on this board would take it.
     pub fn onto(&self, base: Configuration, board: &BoardPorts) -> Result<Configuration, Failure> {
-        let file = parse(self);
+        let file = parse(self, &base);
         let wanted = file.onto(base);
         refuse(&self.path, check(&file, &wanted, board))?;
         Ok(wanted)
@@ -25,8 +25,9 @@ impl Source {
 
     /// What the file makes of nothing, if any gateway would take it.
     pub fn for_any_board(&self) -> Result<Configuration, Failure> {
-        let file = parse(self);
-        let wanted = file.onto(Configuration::default());
+        let nothing = Configuration::default();
+        let file = parse(self, &nothing);
+        let wanted = file.onto(nothing);
         refuse(&self.path, check_without_board(&file, &wanted))?;
         Ok(wanted)
     }

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{self, Read};
 use std::ops::Range;
 
-use host_protocol::Subject;
+use host_protocol::{AxisParameter, Named, Subject, Text, is_name};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -12,9 +12,11 @@ use super::{
     BUS_KEYS, Configuration, Entry, Finding, INCOMPLETE, MOTOR_TIMEOUT, NAME, NEW_BUS, entry,
     protocols,
 };
+use crate::args::Typed;
 use crate::config::BusKey;
 use crate::failure::Failure;
 use crate::given::{begin, unread};
+use crate::names::Names;
 use crate::parameters;
 use crate::printable::printable;
 
@@ -144,11 +146,14 @@ fn bus_key_place(key: BusKey) -> usize {
     }
 }
 
-/// Reads the text of a file.
-pub fn parse(source: &Source) -> File {
+/// Reads the text of a file. It may name what it names itself, and what `base` has.
+pub fn parse(source: &Source, base: &Configuration) -> File {
     let (table, errors) = DeTable::parse_recoverable(&source.text);
-    let mut reader =
-        Reader { text: &source.text, file: File { path: source.path.clone(), ..File::default() } };
+    let mut reader = Reader {
+        text: &source.text,
+        names: names_in(table.get_ref(), base),
+        file: File { path: source.path.clone(), ..File::default() },
+    };
     for error in errors {
         let at = error.span().unwrap_or(0..0);
         reader.finds(None, None, &at, error.message().to_owned());
@@ -161,9 +166,40 @@ pub fn parse(source: &Source) -> File {
     file
 }
 
+/// The names of a configuration as a file makes them.
+fn names_in(table: &DeTable<'_>, base: &Configuration) -> Names {
+    let mut names = base.names.clone();
+    for (kind, row) in [("bus", Subject::Bus as fn(u8) -> _), ("axis", Subject::Axis)] {
+        let rows = table.get(kind).and_then(|rows| rows.get_ref().as_array());
+        let rows = rows.into_iter().flat_map(|rows| rows.iter());
+        for table in rows.filter_map(|row| row.get_ref().as_table()) {
+            let value = |key| table.get(key).map(Spanned::get_ref);
+            let number = value(kind).and_then(integer).and_then(|number| number.try_into().ok());
+            let name = value(NAME).and_then(DeValue::as_str).filter(|name| is_name(name));
+            if let (Some(number), Some(Ok(name))) = (number, name.map(Text::try_from)) {
+                names.insert(row(number), name);
+            }
+        }
+    }
+    let named: Vec<Named> = names.into_iter().map(|(of, name)| Named { of, name }).collect();
+    named.into()
+}
+
+/// The number of a row, or that of the row that has this name.
+pub fn row_number(kind: &str, value: &DeValue<'_>, names: &Names) -> Result<u8, Failure> {
+    match value.as_str().map(|name| Typed::Name(name.to_owned())) {
+        Some(name) if kind == "bus" => names.find_bus(&name),
+        Some(name) => names.find_axis(&name),
+        None => integer(value)
+            .and_then(|number| u8::try_from(number).ok())
+            .ok_or_else(|| Failure::Usage(format!("{kind} takes a number from 0 on, or a name"))),
+    }
+}
+
 /// Reads a file part by part.
 struct Reader<'a> {
     text: &'a str,
+    names: Names,
     file: File,
 }
 
@@ -203,10 +239,11 @@ impl Reader<'_> {
             let text = format!("{kind}: lacks its number: {kind} = 0");
             return self.finds(None, Some(kind), at, text);
         };
-        let given = integer(value.get_ref()).and_then(|number| u8::try_from(number).ok());
-        let Some(number) = given else {
-            let text = format!("{kind} takes a number from 0 on");
-            return self.finds(None, Some(kind), &value.span(), text);
+        let number = match row_number(kind, value.get_ref(), &self.names) {
+            Ok(number) => number,
+            Err(failure) => {
+                return self.finds(None, Some(kind), &value.span(), failure.to_string());
+            }
         };
         let row = if kind == "bus" { Subject::Bus(number) } else { Subject::Axis(number) };
         let line = line_of(self.text, &value.span());
@@ -225,7 +262,7 @@ impl Reader<'_> {
             if matches!((row, key), (Subject::Bus(_), "bus") | (Subject::Axis(_), "axis")) {
                 continue;
             }
-            match read_value(row, key, value.get_ref()) {
+            match read_value(row, key, value.get_ref(), &self.names) {
                 Ok(entry) => self.file.entries.push((entry, line_of(self.text, &name.span()))),
                 Err(failure) => {
                     let text = failure.to_string();
@@ -254,7 +291,12 @@ impl Reader<'_> {
 }
 
 /// Reads the value of a key of a row.
-pub fn read_value(row: Subject, key: &str, value: &DeValue<'_>) -> Result<Entry, Failure> {
+pub fn read_value(
+    row: Subject,
+    key: &str,
+    value: &DeValue<'_>,
+    names: &Names,
+) -> Result<Entry, Failure> {
     let wrong = |takes: &str| Failure::Usage(format!("{key} takes {takes}"));
     match (row, key, value) {
         (Subject::Axis(axis), MOTOR_TIMEOUT, value) => {
@@ -276,8 +318,8 @@ pub fn read_value(row: Subject, key: &str, value: &DeValue<'_>) -> Result<Entry,
         }
         (row, key, value) => {
             let text = scalar(value).ok_or_else(|| wrong("a single value"))?;
-            let entry = entry(row, key, &text)?;
-            match value.as_str().and_then(|_| takes_no_text(&entry)) {
+            let entry = entry(row, key, &text, |bus| names.find_bus(bus))?;
+            match value.as_str().and_then(|text| takes_no_text(&entry, text)) {
                 Some(takes) => Err(wrong(&format!("{takes}, without quotes"))),
                 None => Ok(entry),
             }
@@ -286,9 +328,10 @@ pub fn read_value(row: Subject, key: &str, value: &DeValue<'_>) -> Result<Entry,
 }
 
 /// What a key takes that has no words.
-fn takes_no_text(entry: &Entry) -> Option<String> {
+fn takes_no_text(entry: &Entry, text: &str) -> Option<String> {
     let info = match entry {
         Entry::Gateway(parameter, _) => parameter.info(),
+        Entry::Axis(_, AxisParameter::Bus, _) if is_name(text) => return None,
         Entry::Axis(_, parameter, _) => parameter.info(),
         Entry::Bus(_, BusKey::Exclusive(_)) | Entry::Incomplete(..) => {
             return Some("true or false".to_owned());

@@ -18,6 +18,7 @@ use host_protocol::{
     Protocol, ProtocolSet, Subject, Text, Value, is_name,
 };
 
+use crate::args::Typed;
 use crate::failure::Failure;
 use crate::json;
 use crate::parameters;
@@ -404,8 +405,13 @@ fn keys<K: Ord + Copy, V>(one: &BTreeMap<K, V>, other: &BTreeMap<K, V>) -> BTree
     one.keys().chain(other.keys()).copied().collect()
 }
 
-/// Reads `NAME=VALUE` pairs for a row, each name once.
-pub fn assignments(row: Subject, texts: &[String]) -> Result<Vec<Entry>, Failure> {
+/// Reads `NAME=VALUE` pairs for a row, each name once. `find_bus` says which number the bus has that
+/// is named.
+pub fn assignments(
+    row: Subject,
+    texts: &[String],
+    mut find_bus: impl FnMut(&Typed) -> Result<u8, Failure>,
+) -> Result<Vec<Entry>, Failure> {
     let mut names = BTreeSet::new();
     texts
         .iter()
@@ -414,13 +420,18 @@ pub fn assignments(row: Subject, texts: &[String]) -> Result<Vec<Entry>, Failure
             if !names.insert(name) {
                 return Err(Failure::Usage(format!("{name} is given twice. Give it once")));
             }
-            entry(row, name, value)
+            entry(row, name, value, &mut find_bus)
         })
         .collect()
 }
 
 /// Reads the value of a key, in its range.
-fn entry(row: Subject, name: &str, text: &str) -> Result<Entry, Failure> {
+fn entry(
+    row: Subject,
+    name: &str,
+    text: &str,
+    find_bus: impl FnOnce(&Typed) -> Result<u8, Failure>,
+) -> Result<Entry, Failure> {
     match row {
         row if name == NAME => Ok(Entry::Name(row, name_of(row, text)?)),
         Subject::Gateway => {
@@ -432,7 +443,11 @@ fn entry(row: Subject, name: &str, text: &str) -> Result<Entry, Failure> {
         Subject::Bus(bus) => Ok(Entry::Bus(bus, bus_key(name, text)?)),
         Subject::Axis(axis) => {
             let parameter = parameters::axis_parameter(name)?;
-            let value = parameters::value(parameter.info(), text)?;
+            let value = if parameter == AxisParameter::Bus && is_name(text) {
+                Value::Unsigned(find_bus(&Typed::Name(text.to_owned()))?.into())
+            } else {
+                parameters::value(parameter.info(), text)?
+            };
             parameter.check(value).map_err(Failure::would_be_refused)?;
             Ok(Entry::Axis(axis, parameter, value))
         }

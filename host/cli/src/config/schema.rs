@@ -11,12 +11,15 @@ use crate::json::extend;
 use crate::output::number;
 use crate::parameters::to_json;
 
+/// What a name looks like.
+const A_NAME: &str = "^[A-Za-z][A-Za-z0-9_-]{0,15}$";
+
 /// The schema.
 pub fn schema() -> Json {
     let protocols: Vec<&str> = Protocol::ALL.iter().map(|protocol| protocol.name()).collect();
     let (min, max) = REPLY_WINDOW_US;
     let name = |of: &str| {
-        json!({ "type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_-]{0,15}$",
+        json!({ "type": "string", "pattern": A_NAME,
             "not": { "enum": ["all", "gateway"] },
             "description": format!("Name of the {of}, for use instead of its number.") })
     };
@@ -26,8 +29,8 @@ pub fn schema() -> Json {
         .collect();
     extend(&mut gateway, json!({ (NAME): name("gateway") }));
     let bus = json!({
-        "bus": { "type": "integer", "minimum": 0, "maximum": 7,
-            "description": "Number of the bus." },
+        "bus": { "type": ["integer", "string"], "minimum": 0, "maximum": 7, "pattern": A_NAME,
+            "description": "Number of the bus; with --merge also its name." },
         (NAME): name("bus"),
         "bitrate": { "type": "integer", "minimum": 1, "description": "bit/s." },
         "protocols": { "type": "array", "items": { "enum": protocols },
@@ -42,8 +45,8 @@ pub fn schema() -> Json {
         .map(|parameter| (parameter.text().name, key(parameter.info(), parameter.text())))
         .collect();
     let more = json!({
-        "axis": { "type": "integer", "minimum": 0, "maximum": 31,
-            "description": "Number of the axis." },
+        "axis": { "type": ["integer", "string"], "minimum": 0, "maximum": 31, "pattern": A_NAME,
+            "description": "Number of the axis; with --merge also its name." },
         (NAME): name("axis"),
         (MOTOR_TIMEOUT): { "type": "integer", "minimum": 0,
             "description": "The motor's own timeout, ms; it is written to the motor. 0 is off." },
@@ -81,6 +84,10 @@ pub fn schema() -> Json {
 /// The schema of one key.
 fn key(info: &ParameterInfo, text: &ParameterText) -> Json {
     let mut key = match info.kind {
+        _ if info.number == AxisParameter::Bus.number() => {
+            json!({ "type": ["integer", "string"], "minimum": plain(info.min),
+                "maximum": plain(info.max), "pattern": A_NAME })
+        }
         _ if info.is_can_id() => json!({ "type": ["integer", "string"] }),
         _ if info.number == AxisParameter::Protocol.number() => {
             names(Protocol::ALL.iter().map(|protocol| protocol.name()))

@@ -9,7 +9,7 @@ const FOUR_MOTORS: &str = include_str!("../../examples/four-motors.toml");
 const D5_ON_RS485: &str = include_str!("../../examples/d5-on-rs485.toml");
 
 fn read(text: &str) -> File {
-    parse(&Source { path: "a.toml".to_owned(), text: text.to_owned() })
+    parse(&Source { path: "a.toml".to_owned(), text: text.to_owned() }, &Configuration::default())
 }
 
 /// What a file makes of an empty configuration.
@@ -255,6 +255,57 @@ stop_action = \"hold\"
     for (found, expected) in found.iter().zip(expected) {
         assert!(found.starts_with(expected), "{found}\n{expected}");
     }
+}
+
+/// A bus by its name, wherever that stands in the file; a template keeps it.
+#[test]
+fn a_bus_is_named_where_its_number_could_stand() {
+    let text = "\
+[[axis]]
+axis = 4
+bus = \"arm\"
+protocol = \"rmd\"
+node = 1
+stop_action = \"hold\"
+
+[[bus]]
+bus = 1
+name = \"arm\"
+bitrate = 1_000_000
+protocols = [\"rmd\"]
+";
+    let named = whole(text);
+    assert_eq!(named.bus_of(4), Some(1));
+    assert_eq!(named, whole(&text.replace("bus = \"arm\"", "bus = 1")));
+    assert_eq!(dump_like(text, &named).unwrap(), text);
+    let mut moved = named.clone();
+    moved.set(&Entry::Axis(4, AxisParameter::Node, Value::Unsigned(2)));
+    assert_eq!(dump_like(text, &moved).unwrap(), text.replace("node = 1", "node = 2"));
+    assert_eq!(
+        wrong(&text.replace("\"arm\"\np", "\"amr\"\np")),
+        ["a.toml: line 3, axis 4: no bus is called `amr`; there are: arm (1)"]
+    );
+    assert_eq!(
+        wrong(&text.replace("bus = \"arm\"", "bus = \"1\"")),
+        ["a.toml: line 3, axis 4: bus takes 0 to 7, without quotes"]
+    );
+    let row = text.replace("bus = 1", "bus = \"other\"");
+    assert_eq!(
+        wrong(&row),
+        [
+            "a.toml: line 3, axis 4: no bus is called `arm`; no bus has a name; give its number",
+            "a.toml: line 9, no bus is called `other`; no bus has a name; give its number",
+        ]
+    );
+    // What is merged names what the gateway has.
+    let merged = "[[axis]]\naxis = \"left\"\nbus = \"other\"\n";
+    let mut base = named.clone();
+    base.set(&Entry::Name(Subject::Axis(4), Text::try_from("left").unwrap()));
+    base.set(&Entry::Name(Subject::Bus(0), Text::try_from("other").unwrap()));
+    let source = Source { path: "a.toml".to_owned(), text: merged.to_owned() };
+    let file = parse(&source, &base);
+    assert_eq!(file.findings, []);
+    assert_eq!(file.onto(base).bus_of(4), Some(0));
 }
 
 /// Names change by themselves, and go with what they name.

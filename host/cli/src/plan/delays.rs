@@ -6,9 +6,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use host_protocol::BusKind;
 use serde::Deserialize;
 
+use crate::args::Typed;
 use crate::config::{Configuration, Source};
 use crate::delays::{Entry, Key, SIMULATOR, Table};
 use crate::failure::Failure;
+use crate::names::Names;
 use crate::words;
 
 /// The longest delay that is taken for one, µs.
@@ -51,7 +53,7 @@ pub fn read(source: &Source, planned: &Planned<'_>) -> Result<Stated, Failure> {
         let text = "it has delays by axis, and --motor chooses among those of a table by motor";
         return Err(wrong(text.to_owned()));
     }
-    by_axis(source).map(|delays| Stated { delays, notes: Vec::new() })
+    by_axis(source, planned).map(|delays| Stated { delays, notes: Vec::new() })
 }
 
 /// Of each axis the longest delay that the table has of a motor as it may be: of its protocol, on
@@ -96,7 +98,7 @@ fn of_table(table: &Table, planned: &Planned<'_>) -> Stated {
 }
 
 /// The delays of a file that has them by axis.
-fn by_axis(source: &Source) -> Result<Vec<(u8, u32)>, Failure> {
+fn by_axis(source: &Source, planned: &Planned<'_>) -> Result<Vec<(u8, u32)>, Failure> {
     let wrong = |what: &str| Failure::Usage(format!("{}: {what}", source.path));
     let file: File = toml::from_str(&source.text).map_err(|error| {
         wrong(&format!(
@@ -105,11 +107,16 @@ fn by_axis(source: &Source) -> Result<Vec<(u8, u32)>, Failure> {
             error.message()
         ))
     })?;
+    let names = Names::from(planned.configuration);
+    let no_axis = |axis: &str| wrong(&format!("{axis} is no axis, 0 to 31, and no name of one"));
     file.reply_delay_us
         .into_iter()
         .map(|(axis, us)| {
-            let number = axis.parse().ok().filter(|axis| usize::from(*axis) < gateway::MAX_AXES);
-            let number: u8 = number.ok_or_else(|| wrong(&format!("{axis} is no axis, 0 to 31")))?;
+            let typed: Typed = axis.parse().map_err(|_| no_axis(&axis))?;
+            let number = names.find_axis(&typed).map_err(|failure| wrong(&failure.to_string()))?;
+            if usize::from(number) >= gateway::MAX_AXES {
+                return Err(no_axis(&axis));
+            }
             let range =
                 format!("the delay of axis {axis} is {us}, and may be 0 to {LONGEST_US} µs");
             if us > LONGEST_US { Err(wrong(&range)) } else { Ok((number, us)) }

@@ -210,8 +210,9 @@ fn board_for(configuration: &Configuration, premises: &Premises) -> BoardPorts {
 
 /// `mgw plan`
 pub fn run(arguments: &PlanArgs, out: Output) -> Result<(), Failure> {
-    let file = config::parse(&arguments.source);
-    let configuration = file.onto(Configuration::default());
+    let nothing = Configuration::default();
+    let file = config::parse(&arguments.source, &nothing);
+    let configuration = file.onto(nothing);
     let premises = premises(arguments, &configuration, out)?;
     let findings = config::check(&file, &configuration, &board_for(&configuration, &premises));
     config::refuse(&arguments.source.path, findings)?;

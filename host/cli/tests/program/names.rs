@@ -70,6 +70,39 @@ fn what_takes_a_number_takes_a_name() {
 }
 
 #[test]
+fn a_configuration_names_buses_and_axes() {
+    let sim = named(&[]);
+    let own = ["config", "axis", "7", "protocol=rmd", "node=7", "stop_action=hold", "bus=arm_bus"];
+    sim.mgw_once_in_command(&own).success();
+    let bus = &sim.mgw(&["--json", "config", "show", "7"]).json_lines()[0]["parameters"]["bus"];
+    assert_eq!(bus, 0);
+    let text = sim.mgw(&["config", "axis", "7", "bus=amr_bus"]).failure(2);
+    assert!(text.contains("no bus is called `amr_bus`; there are: arm_bus (0)"), "{text}");
+    let merge = |text: &str| {
+        let arguments = ["--port", &sim.port, "config", "apply", "-", "--merge"];
+        mgw_reading(&arguments, text)
+    };
+    merge("[[axis]]\naxis = \"left\"\nttl_us = 70_000\n").success();
+    merge("[[bus]]\nbus = \"arm_bus\"\nexclusive = true\n").success();
+    let left = &sim.mgw(&["--json", "config", "show", "0"]).json_lines()[0]["parameters"];
+    assert_eq!(left["ttl_us"], 70_000);
+    let text = merge("[[axis]]\naxis = \"right\"\nttl_us = 70_000\n").failure(2);
+    let there = "line 2, no axis is called `right`; there are: left (0), prop (1)";
+    assert!(text.contains(there), "{text}");
+    let file = file("named.toml");
+    std::fs::write(&file, sim.mgw(&["config", "dump"]).success()).unwrap();
+    let delays = "[reply_delay_us]\nleft = 900\n";
+    let plan = ["--json", "plan", &file, "--delays", "-"];
+    let axes = mgw_reading(&plan, delays).json_lines();
+    let by_number = mgw_reading(&plan, delays.replace("left", "0")).json_lines();
+    assert_eq!(axes, by_number);
+    let text = mgw(&["play", "run.mcap", "--axis", "left"]).failure(2);
+    assert!(text.contains("the number of an axis: a recording has no names"), "{text}");
+    let text = mgw_reading(&plan, delays.replace("left", "right")).failure(2);
+    assert!(text.contains("no axis is called `right`; there are: left (0), prop (1)"), "{text}");
+}
+
+#[test]
 fn d5_motors_start_together_by_name() {
     let sim = Sim::start();
     sim.mgw(&["config", "axis", "2", "name=third"]).success();
