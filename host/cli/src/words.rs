@@ -103,6 +103,15 @@ pub fn protocols(set: ProtocolSet) -> String {
     if names.is_empty() { NOTHING.to_owned() } else { names.join(", ") }
 }
 
+/// Who is in command: behind a server the program, as far as that knows it.
+pub fn in_command(holder: Option<u8>, commander: Option<&str>) -> String {
+    match (holder, commander) {
+        (None, _) => "nobody".to_owned(),
+        (Some(_), Some(program)) => program.to_owned(),
+        (Some(link), None) => format!("host link {link}"),
+    }
+}
+
 /// What became of the last update, and whether there may be another.
 pub fn image(report: &ImageReport) -> String {
     let may = match (report.room, report.needs_signature) {

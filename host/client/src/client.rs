@@ -81,6 +81,8 @@ pub struct Client<T: Transport> {
     /// An axis that was armed here has been stopped.
     has_stopped: bool,
     pub(crate) stream: Option<Stream>,
+    /// What answers knows no request of a server.
+    pub(crate) has_no_server: bool,
 }
 
 impl<T: Transport> Client<T> {
@@ -140,6 +142,7 @@ impl<T: Transport> Client<T> {
             armed: Vec::new(),
             has_stopped: false,
             stream: None,
+            has_no_server: false,
             transport,
         };
         client.say_hello_as(session.wrapping_add(high)).map_err(name_refusal)?;
@@ -165,7 +168,7 @@ impl<T: Transport> Client<T> {
 
     /// A new session, in which nothing is subscribed to.
     pub(crate) fn say_hello(&mut self) -> Result<HelloReply, ClientError> {
-        self.subscription = None;
+        (self.subscription, self.has_no_server) = (None, false);
         self.say_hello_as(fastrand::u32(..))?;
         Ok(self.hello.clone())
     }

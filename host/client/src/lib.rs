@@ -74,7 +74,7 @@ pub use interrupt::Interrupt;
 pub use names::names_before_hello;
 pub use port::{ConnectError, Halves, check_shared_name, open, open_halves};
 pub use serial::SerialTransport;
-pub use server::{server_port, server_socket};
+pub use server::{ReadCommander, server_port, server_socket};
 pub use stopping::{REPEAT_STOP_AFTER, STOP_PATIENCE, StopRequest, stop_before_hello};
 pub use tcp::TcpTransport;
 pub use transport::Transport;

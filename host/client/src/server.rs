@@ -1,6 +1,45 @@
-//! Where a running `mgw serve` of this user is found: the Unix socket of a well-known name.
+//! Where a running `mgw serve` of this user is found, the Unix socket of a well-known name; and what
+//! a server tells that a gateway does not know.
 
 use std::path::PathBuf;
+
+use host_protocol::{Call, Error};
+use serde::Serialize;
+
+use crate::client::Client;
+use crate::error::ClientError;
+use crate::transport::Transport;
+
+/// Asks a server which of its programs is in command. To a gateway, and to a server that is older,
+/// it is an unknown request.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct ReadCommander {}
+
+impl Call for ReadCommander {
+    const NUMBER: u16 = 0x7F00;
+    /// The program as the server knows it; nothing where none of its own is in command.
+    type Reply = Option<String>;
+}
+
+impl<T: Transport> Client<T> {
+    /// The program of the server behind this connection that is in command. `None` where none of
+    /// its programs is, or there is no server.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn commander(&mut self) -> Result<Option<String>, ClientError> {
+        if self.has_no_server {
+            return Ok(None);
+        }
+        match self.request(&ReadCommander {}) {
+            Err(ClientError::Gateway(Error::UnknownRequest { .. })) => {
+                self.has_no_server = true;
+                Ok(None)
+            }
+            answer => answer,
+        }
+    }
+}
 
 /// Names another socket; empty: none is looked for.
 const SOCKET_VARIABLE: &str = "MGW_SOCKET";

@@ -80,7 +80,7 @@ pub(crate) fn accept(listener: &Listener, sender: &Sender<Event>) {
     (0..CONNECTIONS).for_each(|_| drop(Leave(given_back.clone())));
     while leaves.recv().is_ok() {
         let leave = Leave(given_back.clone());
-        let Ok((mut stream, token)) = next(listener) else {
+        let Ok((mut stream, name, token)) = next(listener) else {
             // The program has gone again, or there are no descriptors left for now.
             thread::sleep(TICK);
             continue;
@@ -94,14 +94,14 @@ pub(crate) fn accept(listener: &Listener, sender: &Sender<Event>) {
             Box::new(move || {
                 let proved = shows(&mut stream, &token);
                 if place.is_none_or(|place| showing.leave(place)) {
-                    read_program(stream, Vec::new(), proved, &sender);
+                    read_program(stream, name, Vec::new(), proved, &sender);
                 }
                 drop(leave);
             })
         } else {
             let Some(said) = said_by_now(&mut stream) else { continue };
             Box::new(move || {
-                read_program(stream, said, true, &sender);
+                read_program(stream, name, said, true, &sender);
                 drop(leave);
             })
         };
@@ -110,17 +110,44 @@ pub(crate) fn accept(listener: &Listener, sender: &Sender<Event>) {
     }
 }
 
-/// The next connection, and the token that it has to show.
-fn next(listener: &Listener) -> io::Result<(Socket, Option<String>)> {
+/// The next connection, what is called so, and the token that it has to show.
+fn next(listener: &Listener) -> io::Result<(Socket, String, Option<String>)> {
     match listener {
         Listener::Tcp(listener, token) => {
-            let (stream, _) = listener.accept()?;
+            let (stream, peer) = listener.accept()?;
             stream.set_nodelay(true)?;
-            Ok((stream.into(), token.clone()))
+            Ok((stream.into(), format!("the program at {peer}"), token.clone()))
         }
         #[cfg(unix)]
-        Listener::Unix(listener) => Ok((OwnedFd::from(listener.accept()?.0).into(), None)),
+        Listener::Unix(listener) => {
+            let stream = OwnedFd::from(listener.accept()?.0);
+            let name = name_of_process(&stream);
+            Ok((stream.into(), name, None))
+        }
     }
+}
+
+/// What the process behind a Unix socket is called.
+#[cfg(target_os = "linux")]
+fn name_of_process(stream: &OwnedFd) -> String {
+    let Ok(process) = rustix::net::sockopt::socket_peercred(stream) else { return unknown() };
+    let process = process.pid.as_raw_nonzero();
+    // A process gives itself this name of 15 bytes, and may have gone.
+    let name = std::fs::read_to_string(format!("/proc/{process}/comm")).unwrap_or_default();
+    match name.trim() {
+        "" => format!("process {process}"),
+        name => format!("{name} (process {process})"),
+    }
+}
+
+#[cfg(all(unix, not(target_os = "linux")))]
+fn name_of_process(_stream: &OwnedFd) -> String {
+    unknown()
+}
+
+#[cfg(unix)]
+fn unknown() -> String {
+    "a program on this computer".to_owned()
 }
 
 /// What a connection has said by now; `None` where it has ended: no thread is made for it.
@@ -137,11 +164,17 @@ fn said_by_now(stream: &mut Socket) -> Option<Vec<u8>> {
 }
 
 /// Passes a program's bytes on, one piece at a time: who floods waits for the others.
-fn read_program(mut stream: Socket, said: Vec<u8>, proved: bool, sender: &Sender<Event>) {
+fn read_program(
+    mut stream: Socket,
+    name: String,
+    said: Vec<u8>,
+    proved: bool,
+    sender: &Sender<Event>,
+) {
     let (go, may_read) = sync_channel(1);
     let Ok(ours) = stream.try_clone() else { return };
     let mut is_first = said.is_empty();
-    if sender.send(Event::Connected(Newcomer { stream: ours, proved, said, go })).is_err() {
+    if sender.send(Event::Connected(Newcomer { stream: ours, name, proved, said, go })).is_err() {
         return;
     }
     let Ok(id) = may_read.recv() else { return };

@@ -24,6 +24,8 @@ pub(crate) struct Told {
     /// The body behind `dropped`: what it means a later version may know alone.
     rest: Vec<u8>,
     sample: Option<Event>,
+    /// Whoever had authority has it no more.
+    ends_authority: bool,
 }
 
 impl Told {
@@ -31,8 +33,13 @@ impl Told {
     pub fn read(number: u16, body: &[u8]) -> Option<Self> {
         let (lost, rest) = postcard::take_from_bytes::<u32>(body).ok()?;
         let EventMessage { time_us, event, .. } = EventMessage::decode(number, body).ok()?;
+        let ends_authority = matches!(event, Event::AuthorityLost { .. });
         let sample = matches!(event, Event::Sample { .. }).then_some(event);
-        Some(Self { number, lost, time_us, rest: rest.to_vec(), sample })
+        Some(Self { number, lost, time_us, rest: rest.to_vec(), sample, ends_authority })
+    }
+
+    pub fn ends_authority(&self) -> bool {
+        self.ends_authority
     }
 
     pub fn time_us(&self) -> u64 {

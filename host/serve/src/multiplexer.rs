@@ -64,7 +64,10 @@ pub struct Multiplexer {
     opened: ProgramId,
     /// The program that commands, as far as the gateway has not said otherwise.
     in_command: Option<ProgramId>,
-    /// How often that has changed.
+    /// What the program is called that took authority last, until it is known to have lost it. It
+    /// may have gone.
+    commander: Option<String>,
+    /// How often `in_command` has changed.
     claims: u64,
     /// Stops of programs that have gone, and whether one of them went out last of all stops.
     last_words: VecDeque<Ask>,
@@ -96,6 +99,7 @@ impl Multiplexer {
             programs: BTreeMap::new(),
             opened: 0,
             in_command: None,
+            commander: None,
             claims: 0,
             last_words: VecDeque::new(),
             last_words_went: false,
@@ -128,6 +132,19 @@ impl Multiplexer {
         self.opened += 1;
         self.programs.insert(self.opened, Program::new(now, proved));
         self.opened
+    }
+
+    /// What it is called where others are told of it.
+    pub fn name_program(&mut self, id: ProgramId, name: String) {
+        if let Some(program) = self.programs.get_mut(&id) {
+            program.name = name;
+        }
+    }
+
+    /// What a program is called.
+    #[must_use]
+    pub fn name_of(&self, id: ProgramId) -> &str {
+        self.programs.get(&id).map_or("", |program| &program.name)
     }
 
     /// Its connection has ended. If it commanded, the gateway hears nothing more of it. A stop that

@@ -59,6 +59,8 @@ pub(crate) enum Turn {
 /// One program.
 pub(crate) struct Program {
     deframer: Deframer,
+    /// What it is called where others are told of it.
+    pub name: String,
     /// It has shown the token, or needs none.
     pub proved: bool,
     /// The latest first.
@@ -82,6 +84,7 @@ impl Program {
     pub fn new(now: Duration, proved: bool) -> Self {
         Self {
             deframer: Deframer::new(),
+            name: String::new(),
             proved,
             kept: VecDeque::new(),
             orders: 0,

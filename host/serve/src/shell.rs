@@ -70,6 +70,8 @@ pub(crate) enum Event {
 /// A connection that has just been accepted.
 pub(crate) struct Newcomer {
     pub stream: Socket,
+    /// What it is called where others are told of it.
+    pub name: String,
     /// It has shown the token, or needs none.
     pub proved: bool,
     /// What it has said by now.
@@ -278,13 +280,14 @@ where
     }
 
     fn connect(&mut self, now: Duration, newcomer: Newcomer) {
-        let Newcomer { stream, proved, said, go } = newcomer;
+        let Newcomer { stream, name, proved, said, go } = newcomer;
         let waiting = || self.connections.values().filter(|one| !one.asked);
         let unproved = waiting().filter(|one| !one.proved).count();
         if !proved && (waiting().count() >= WAITING || unproved >= UNPROVED) {
             return end(&stream);
         }
         let id = self.multiplexer.program_opened(now, proved);
+        self.multiplexer.name_program(id, name);
         let _ = go.send(id);
         let (frames, writing, asked, over_since) = (None, 0, false, None);
         let connection =
@@ -316,7 +319,8 @@ where
         let others = asked().filter(|(id, _)| **id != newest && Some(**id) != commands);
         let quietest = others.min_by_key(|(_, one)| one.heard_at).map(|(id, _)| *id);
         if let Some(id) = quietest {
-            self.log.tell(&format!("program {id} has lost its place to another one"));
+            let name = self.multiplexer.name_of(id);
+            self.log.tell(&format!("{name} has lost its place to another program"));
             self.disconnect(id);
         }
     }
@@ -337,7 +341,9 @@ where
     fn disconnect(&mut self, id: ProgramId) {
         if let Some(connection) = self.connections.remove(&id) {
             if self.multiplexer.in_command() == Some(id) {
-                self.log.tell("the program in command has gone: whatever it had armed stops");
+                let name = self.multiplexer.name_of(id);
+                let line = format!("{name} was in command and has gone: what it had armed stops");
+                self.log.tell(&line);
             }
             end(&connection.stream);
             self.multiplexer.program_closed(id);

@@ -15,12 +15,17 @@ use crate::words;
 pub fn run(session: &mut Session) -> Result<(), Failure> {
     let hello = session.client.hello().clone();
     let status = session.client.gateway_status()?;
+    let commander = match status.holder {
+        Some(_) => session.client.commander()?,
+        None => None,
+    };
     let stored = session.client.read_stored()?;
     let image = session.client.image()?;
     let motors = dialects::of_axes(session)?;
     let mut object = json::gateway::info(&hello, &status, &stored, &image);
     let names = session.known_names();
     object["name"] = json!(names.of(Subject::Gateway));
+    object["commander"] = json!(commander);
     for (number, _) in (0u8..).zip(&hello.buses) {
         object["buses"][usize::from(number)]["name"] = json!(names.of(Subject::Bus(number)));
     }
@@ -44,7 +49,7 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
                 words::yes_or_no(hello.has_crash_report)
             ),
         ),
-        ("command", status.holder.map_or("nobody".to_owned(), |link| format!("host link {link}"))),
+        ("command", words::in_command(status.holder, commander.as_deref())),
         ("e-stop", e_stop(&status)),
         ("stored", words::stored(&stored)),
         (

@@ -38,6 +38,7 @@ pub use stop::{clear_axis, send_first as send_stop_first};
 pub use stop_report::outcome_line;
 pub use trips::line as incident_line;
 
+use host_protocol::Error;
 use mgw_client::{Interrupt, Transport};
 
 use crate::args::{Command, TripsAction};
@@ -110,7 +111,17 @@ pub fn run(
         // Refused when another host is in command, and that is well.
         let _ = session.client.release_authority();
     }
-    result
+    result.map_err(|failure| name_commander(session, failure))
+}
+
+/// Behind a server everybody has the same host link: the server knows which program it is.
+fn name_commander(session: &mut Session, failure: Failure) -> Failure {
+    let Some(error @ Error::NotInCommand { holder }) = failure.gateway_error().copied() else {
+        return failure;
+    };
+    let Ok(Some(program)) = session.client.commander() else { return failure };
+    let text = failure.to_string().replacen(&format!("host link {holder}"), &program, 1);
+    Failure::Explained { error, text }
 }
 
 fn dispatch(session: &mut Session, command: &Command) -> Result<(), Failure> {

@@ -64,8 +64,10 @@ pub fn schema() -> Json {
     extend(
         &mut axis,
         json!({
-            "if": { "properties": { (INCOMPLETE): { "const": true } }, "required": [INCOMPLETE] },
-            "else": { "required": required },
+            "anyOf": [
+                { "required": required },
+                { "properties": { (INCOMPLETE): { "const": true } }, "required": [INCOMPLETE] },
+            ],
         }),
     );
     json!({

@@ -452,7 +452,7 @@ fn the_schema_knows_every_key() {
     assert_eq!(axis["properties"]["stop_action"]["enum"][1], "hold");
     assert_eq!(axis["properties"]["rmd_dialect"]["enum"][6], "v4_4");
     assert_eq!(
-        axis["else"]["required"],
+        axis["anyOf"][0]["required"],
         serde_json::json!(["bus", "protocol", "node", "stop_action"])
     );
     for key in BUS_KEYS {

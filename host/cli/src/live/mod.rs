@@ -43,6 +43,8 @@ pub struct Live {
     pub link: Link,
     /// How the gateway itself is: who commands, e-stop, enable output.
     pub status: Option<GatewayReport>,
+    /// The program of a server that commands.
+    pub commander: Option<String>,
     /// The axes that have a parameter, by their numbers.
     pub axes: Vec<Axis>,
     /// The buses of the board, by their numbers.

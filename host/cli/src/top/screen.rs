@@ -78,7 +78,8 @@ fn header(live: &Live, width: usize, paint: Paint) -> Vec<Line<'static>> {
         return vec![first, Line::styled(cut(&text, width), paint.bad())];
     }
     let Some(status) = &live.status else { return vec![first, Line::raw("")] };
-    let holder = status.holder.map_or("nobody".to_owned(), |link| format!("host link {link}"));
+    let holder = words::in_command(status.holder, live.commander.as_deref());
+    let holder = crate::printable::printable(&holder);
     let enable = match status.enable_output {
         Some(true) => "  enable: active",
         Some(false) => "  enable: INACTIVE",

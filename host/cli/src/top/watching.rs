@@ -191,7 +191,12 @@ impl Watching {
             client.subscribe(&numbers, states::ALL, self.period)?;
             self.subscribed = numbers;
         }
-        self.live.status = Some(client.gateway_status()?);
+        let status = client.gateway_status()?;
+        self.live.commander = match status.holder {
+            Some(_) => client.commander()?,
+            None => None,
+        };
+        self.live.status = Some(status);
         for bus in (0..).take(self.live.buses.len()) {
             let report = client.bus_status(bus)?;
             self.live.bus(bus, report, client.now());

@@ -82,15 +82,41 @@ fn several_programs_use_one_gateway_and_find_the_server_by_themselves() {
             line["velocity_rad_s"]["value"].as_f64().filter(|speed| *speed > 0.5)
         });
     }
-    // Another one may not command, and may stop.
+    // Another one may not command, and may stop. It is told who does, here over TCP.
     let refused = server.mgw(&["set", "0", "velocity", "1", "--for", "1"]).failure(1);
-    assert!(refused.contains("is in command"), "{refused}");
+    let commander = "the program at 127.0.0.1:";
+    assert!(refused.contains(commander) && refused.contains(" is in command; wait"), "{refused}");
+    assert!(!refused.contains("host link"), "{refused}");
+    let info = server.mgw(&["--json", "info"]).json_lines();
+    assert!(info[0]["commander"].as_str().unwrap().starts_with(commander), "{info:?}");
     server.mgw(&["stop", "0"]).success();
     sim.await_stop("bus 0  rmd 1");
     assert_ne!(host.wait(), Some(0), "somebody else has stopped it");
     for watcher in &mut watchers {
         assert_eq!(watcher.interrupt(), Some(0));
     }
+}
+
+/// By its name and process on this computer, also when it has gone and the gateway still waits.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_program_on_this_computer_is_named_by_its_process() {
+    let sim = Sim::patient();
+    let server = Server::start(&sim.port, &[]);
+    let port = format!("unix:{}", server.socket.display());
+    let nobody = server.mgw(&["info"]).success();
+    assert!(nobody.contains("command") && nobody.contains("nobody"), "{nobody}");
+    let mut host = Process::start(&["--port", &port, "arm", "0"]);
+    host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
+    let name = format!("mgw (process {})", host.id());
+    let info = server.mgw(&["info"]).success();
+    assert!(info.contains(&name), "{info}");
+    host.kill();
+    server.process.wait_for("the end", |line| {
+        line.contains(&format!("{name} was in command and has gone")).then_some(())
+    });
+    let refused = server.mgw(&["config", "gateway", "name=a"]).failure(1);
+    assert!(refused.contains(&format!("{name} is in command; wait")), "{refused}");
 }
 
 #[test]

@@ -260,6 +260,11 @@ impl Process {
         writeln!(stdin, "{line}").expect("it is read");
     }
 
+    /// The number of the process.
+    pub fn id(&self) -> u32 {
+        self.running.0.id()
+    }
+
     /// SIGINT, as Ctrl-C sends it, and the exit code that follows.
     pub fn interrupt(&mut self) -> Option<i32> {
         self.signal(Signal::SIGINT)

@@ -3,7 +3,8 @@
 
 use std::time::Duration;
 
-use host_protocol::Error;
+use host_protocol::{Call as _, Error, Kind, MAX_BODY};
+use mgw_client::ReadCommander;
 
 use super::{Multiplexer, ProgramId, State};
 use crate::ask::Ask;
@@ -60,6 +61,7 @@ impl Multiplexer {
             }
         }
         let (stops, sets_baud, proved) = (ask.stops(), ask.sets_baud(), program.proved);
+        let asks_for_commander = ask.number == ReadCommander::NUMBER;
         let Some(order) = program.keep(now, ask.clone()) else {
             program.inbox.request_dropped();
             if stops && proved {
@@ -70,6 +72,10 @@ impl Multiplexer {
         if !proved {
             program.refuse(order, Error::NoSession {});
             program.over = true;
+        } else if asks_for_commander {
+            let mut out = [0; MAX_BODY];
+            let body = postcard::to_slice(&self.commander, &mut out).unwrap_or_default();
+            program.answer(order, Kind::Reply, ReadCommander::NUMBER, body);
         } else if stops {
             program.stops.push_back(Turn::New(order));
         } else if sets_baud {

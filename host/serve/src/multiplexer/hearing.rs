@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use host_protocol::messages::class::COMMANDS;
 use host_protocol::requests::{ReleaseAuthority, Subscribe};
-use host_protocol::{Call, Error, Frame, Kind, Reply};
+use host_protocol::{Call, Error, Frame, Kind, Reply, Request};
 
 use super::{Multiplexer, News, State, nothing};
 use crate::cable::Asker;
@@ -43,6 +44,9 @@ impl Multiplexer {
         self.next_event = Some(frame.sequence.wrapping_add(1));
         let Some(told) = Told::read(frame.number, frame.body) else { return };
         self.gateway_us = told.time_us();
+        if told.ends_authority() {
+            self.commander = None;
+        }
         for program in self.programs.values_mut() {
             program.inbox.count_lost(missing.into());
             program.tell(&told, self.subscribed.period_us);
@@ -87,9 +91,15 @@ impl Multiplexer {
             }
             return;
         }
+        let took =
+            error.is_none() && !asked.watches && Request::classes(asked.ask.number) & COMMANDS != 0;
+        if took && self.in_command == Some(id) {
+            let name = self.programs.get(&id).map(|program| program.name.clone());
+            self.commander = name.filter(|name| !name.is_empty());
+        }
         let releases = asked.ask.number == ReleaseAuthority::NUMBER && error.is_none();
         if releases && self.in_command == Some(id) {
-            self.in_command = None;
+            (self.in_command, self.commander) = (None, None);
             self.claims += 1;
         }
         if asked.ask.number == Subscribe::NUMBER
@@ -130,7 +140,7 @@ impl Multiplexer {
     /// No session outlives the gateway's: what is owed is answered, and the connections end.
     pub(super) fn lose(&mut self, now: Duration, why: &'static str) {
         self.cable.clear();
-        (self.in_command, self.subscribed) = (None, nothing());
+        (self.in_command, self.commander, self.subscribed) = (None, None, nothing());
         self.claims += 1;
         if self.state != State::Up {
             return;
