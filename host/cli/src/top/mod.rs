@@ -11,7 +11,8 @@ mod watching;
 
 use std::time::Duration;
 
-use mgw_client::Interrupt;
+use mgw_client::{ClientError, Interrupt};
+use serde_json::json;
 
 use crate::args::TopArgs;
 use crate::failure::Failure;
@@ -26,9 +27,20 @@ pub fn run(arguments: &TopArgs, port: Option<&str>, out: Output) -> Result<(), F
     display::refuse_without_terminal(out)?;
     // One interrupts what the client waits for, as a key does; the other says that it was a signal.
     let (interrupt, ended): (Interrupt, Interrupt) = (interrupt::note(), interrupt::note());
-    let (port, transport) = find::open_port(port, out)?;
-    let session = Session::on(transport, interrupt.clone(), Output::none());
-    let session = session.map_err(|failure| find::not_a_gateway(&port, failure))?;
+    let (port, session) = loop {
+        let (port, transport) = find::open_port(port, out)?;
+        match Session::on(transport, interrupt.clone(), Output::none()) {
+            // It is one, as it has answered a hello.
+            Err(Failure::Client(ClientError::NoAnswer { request, .. })) if request != "Hello" => {
+                let text = "the gateway is slow to answer; connecting again";
+                out.progress("slow", text, json!({ "message": text }));
+            }
+            session => {
+                let session = session.map_err(|failure| find::not_a_gateway(&port, failure));
+                break (port, session?);
+            }
+        }
+    };
     let display = display::Display::open()?;
     let keys = keys::listen(interrupt);
     let period = Duration::from_millis(arguments.period);

@@ -36,6 +36,8 @@ const EVENTS_AT_ONCE: usize = 256;
 
 /// What is said of a stop that has not been answered.
 const SENT_AGAIN: &str = "the stop is sent again until it is answered";
+/// And of one whose axes could not be asked.
+const ASKED_AGAIN: &str = "what the stop came to is asked again until that is answered";
 
 /// Whether it goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,6 +65,8 @@ pub struct Watching {
     wants_incidents: bool,
     /// A stop was asked for and has not gone out.
     wants_stop: bool,
+    /// A stop has gone out, and what it came to has still to be asked.
+    wants_report: bool,
     /// What the last stop lacks.
     unconfirmed: Option<Failure>,
 }
@@ -86,6 +90,7 @@ impl Watching {
             lost_on_the_way: 0,
             wants_incidents: true,
             wants_stop: false,
+            wants_report: false,
             unconfirmed: None,
         };
         watching.connected();
@@ -104,6 +109,7 @@ impl Watching {
                 break;
             }
             match self.live.link {
+                Link::Up if self.wants_report => self.report_stop()?,
                 Link::Up => self.follow(),
                 Link::Lost { .. } => self.connect(),
             }
@@ -244,8 +250,8 @@ impl Watching {
         self.draw()?;
         match self.session.client.stop(StopTarget::All) {
             Ok(()) => {
-                self.wants_stop = false;
-                self.report_stop()
+                (self.wants_stop, self.wants_report) = (false, true);
+                Ok(())
             }
             Err(error @ ClientError::Gateway(_)) => {
                 self.wants_stop = false;
@@ -265,16 +271,11 @@ impl Watching {
         let all = StopRequest::Stop(StopTarget::All);
         let sent = stop_before_hello(self.session.client.transport_mut(), all);
         let sent = sent.and_then(|()| {
-            self.wants_stop = false;
+            (self.wants_stop, self.wants_report) = (false, true);
             self.session.client.reconnect()
         });
         match sent {
-            Ok(()) => {
-                self.connected();
-                if let Err(failure) = self.report_stop() {
-                    self.fail_stop(failure);
-                }
-            }
+            Ok(()) => self.connected(),
             Err(error) if self.wants_stop => self.fail_stop(error.into()),
             Err(error) => self.fail_stop(Failure::StopTaken { cause: error.to_string() }),
         }
@@ -282,9 +283,9 @@ impl Watching {
 
     fn fail_stop(&mut self, failure: Failure) {
         self.view.complain(&explain::with_page(&failure));
-        if self.wants_stop {
-            self.view.message.lines.push(SENT_AGAIN.to_owned());
-        }
+        let goes_on = [(self.wants_stop, SENT_AGAIN), (self.wants_report, ASKED_AGAIN)];
+        let goes_on = goes_on.into_iter().filter(|(wanted, _)| *wanted);
+        self.view.message.lines.extend(goes_on.map(|(_, text)| text.to_owned()));
         self.unconfirmed = Some(failure);
         self.draw_at = Duration::ZERO;
     }
@@ -294,10 +295,19 @@ impl Watching {
         let axes = match self.session.axes_or_all(&[]) {
             Ok(axes) => axes,
             Err(failure) => {
+                // A gateway that is slow, or gone, is asked when it answers again.
+                self.wants_report = !matches!(
+                    failure,
+                    Failure::Client(ClientError::Interrupted { .. } | ClientError::Gateway(_))
+                );
+                if self.wants_report {
+                    self.live.lost(&failure.to_string());
+                }
                 self.fail_stop(Failure::StopTaken { cause: failure.to_string() });
                 return Ok(());
             }
         };
+        self.wants_report = false;
         let (mut missing, mut confirmed) = (Vec::new(), Vec::new());
         self.unconfirmed = None;
         if axes.is_empty() {

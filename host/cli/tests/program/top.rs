@@ -27,12 +27,17 @@ const WIDTH: u16 = 80;
 /// High enough for the events of four axes that are told at once.
 const HEIGHT: u16 = 40;
 
+/// RMD V3.6 §2.16
+const RMD_STOP: &str = "0 141#8100000000000000";
+
 /// What the other end of the device is asked for.
 enum Ask {
     /// Another host moves axis 0, and says nothing more.
     Move,
     /// From now on the program hears nothing more of the gateway, or hears it again.
     Mute(bool),
+    /// It hears nothing more from the answer to its next stop on.
+    MuteBehindStop,
     /// The frames that have been on the buses since the last time.
     Frames(Sender<Vec<String>>),
 }
@@ -47,7 +52,7 @@ fn frames(device: &Device<Ask, ()>) -> Vec<String> {
 fn serve(mut device: TTYPort, asked: &Receiver<Ask>) {
     let world = simulated(&[]);
     let (begin, start) = (world.borrow().now(), Instant::now());
-    let (mut frames, mut mute) = (Vec::new(), false);
+    let (mut frames, mut mute, mut mute_behind_stop) = (Vec::new(), false, false);
     loop {
         match asked.try_recv() {
             Ok(Ask::Move) => {
@@ -59,6 +64,7 @@ fn serve(mut device: TTYPort, asked: &Receiver<Ask>) {
                 client.set(0, epoch, setpoint, ttl).expect("it moves");
             }
             Ok(Ask::Mute(is_mute)) => mute = is_mute,
+            Ok(Ask::MuteBehindStop) => mute_behind_stop = true,
             Ok(Ask::Frames(told)) => told.send(std::mem::take(&mut frames)).expect("it waits"),
             Err(TryRecvError::Empty) => {}
             Err(TryRecvError::Disconnected) => return,
@@ -72,7 +78,11 @@ fn serve(mut device: TTYPort, asked: &Receiver<Ask>) {
         if !mute {
             device.write_all(&answers).expect("it is read");
         }
+        let begin = frames.len();
         frames.extend(world.trace().iter().map(|entry| format!("{} {}", entry.bus, entry.wire)));
+        if mute_behind_stop && frames[begin..].iter().any(|frame: &String| frame == RMD_STOP) {
+            (mute, mute_behind_stop) = (true, false);
+        }
     }
 }
 
@@ -188,6 +198,41 @@ impl Top {
         Self { keys, terminal, before, shown, hung_up, program }
     }
 
+    /// One that shows an axis. A gateway that this machine holds up is not there to it.
+    fn ready(port: &str) -> Self {
+        let end = Instant::now() + LIMIT;
+        loop {
+            let mut top = Self::start(port);
+            let has_ended = |top: &mut Self| top.program.try_wait().expect("it was started");
+            while has_ended(&mut top).is_none() {
+                if top.screen().contains(">   0") {
+                    return top;
+                }
+                assert!(Instant::now() < end, "never the axes:\n{}", top.screen());
+                std::thread::sleep(LOOK_EVERY);
+            }
+            let screen = top.screen();
+            assert!(screen.contains("no gateway answered") && Instant::now() < end, "{screen}");
+        }
+    }
+
+    /// Presses a key until the screen is so: it may say that this machine has held something up.
+    fn press_until(&mut self, keys: &str, what: &str, is: impl Fn(&str) -> bool) -> String {
+        let end = Instant::now() + LIMIT;
+        loop {
+            self.press(keys);
+            let again = Instant::now() + LIMIT / 6;
+            while Instant::now() < again {
+                let screen = self.screen();
+                if is(&screen) {
+                    return screen;
+                }
+                assert!(Instant::now() < end, "never {what}:\n{screen}");
+                std::thread::sleep(LOOK_EVERY);
+            }
+        }
+    }
+
     fn press(&mut self, key: &str) {
         self.keys.write_all(key.as_bytes()).expect("it is read");
     }
@@ -246,6 +291,10 @@ impl Top {
     }
 }
 
+fn is_all_confirmed(screen: &str) -> bool {
+    (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
+}
+
 impl Drop for Top {
     fn drop(&mut self) {
         let _ = self.program.kill();
@@ -256,8 +305,7 @@ impl Drop for Top {
 #[test]
 fn it_ends_without_a_panic_when_its_terminal_goes_away() {
     let device = Device::open(serve);
-    let top = Top::start(&device.name);
-    top.wait_for("an axis", |screen| screen.contains(">   0"));
+    let top = Top::ready(&device.name);
     let code = top.hang_up();
     assert!(matches!(code, Some(0 | 1)), "{code:?}");
 }
@@ -292,19 +340,15 @@ fn an_axis_that_trips_is_shown_and_the_stop_key_stops_everything() {
     top.press("n");
     top.wait_for("not asked", |screen| !screen.contains("clear the trip"));
     assert!(top.screen().contains("TRIPPED"), "{}", top.screen());
-    top.press("cy");
-    top.wait_for("cleared", |screen| {
+    top.press_until("cy", "cleared", |screen| {
         screen.contains("axis 0 is cleared") && !screen.contains("TRIPPED")
     });
     frames(&device);
-    top.press(" ");
-    top.wait_for("confirmed", |screen| {
-        (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
-    });
+    top.press_until(" ", "confirmed", is_all_confirmed);
     // RMD V3.6 §2.16 on CAN and on RS485, the thruster's TC 0, the D5's speed 0.
     let sent = frames(&device);
     for stop in [
-        "0 141#8100000000000000",
+        RMD_STOP,
         "0 30B#5443000000000000",
         "1 00B#D50B050320000033",
         "2 3E0108810000000000000032A5",
@@ -318,24 +362,35 @@ fn an_axis_that_trips_is_shown_and_the_stop_key_stops_everything() {
 #[test]
 fn the_stop_key_waits_for_no_answer() {
     let device = Device::open(serve);
-    let mut top = Top::start(&device.name);
-    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    let mut top = Top::ready(&device.name);
     device.ask(Ask::Mute(true));
     frames(&device);
     // Whatever it has asked stays unanswered.
     top.press(" ");
     let end = Instant::now() + LIMIT;
     let mut sent = Vec::new();
-    while !sent.iter().any(|frame| frame == "0 141#8100000000000000") {
+    while !sent.iter().any(|frame| frame == RMD_STOP) {
         assert!(Instant::now() < end, "no stop: {sent:?}\n{}", top.screen());
         sent.extend(frames(&device));
         std::thread::sleep(LOOK_EVERY);
     }
     top.wait_for("kept", |screen| screen.contains("the stop is sent again until it is answered"));
     device.ask(Ask::Mute(false));
-    top.wait_for("confirmed", |screen| {
-        (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
-    });
+    top.wait_for("confirmed", is_all_confirmed);
+    top.press("q");
+    assert_eq!(top.end(), Some(0));
+}
+
+/// The stop is answered, and what is asked next is not, for longer than an answer takes.
+#[test]
+fn what_a_stop_came_to_is_asked_until_a_slow_gateway_answers() {
+    let device = Device::open(serve);
+    let mut top = Top::ready(&device.name);
+    device.ask(Ask::MuteBehindStop);
+    top.press(" ");
+    top.wait_for("slow", |screen| screen.contains("what the stop came to is asked again"));
+    device.ask(Ask::Mute(false));
+    top.wait_for("confirmed", is_all_confirmed);
     top.press("q");
     assert_eq!(top.end(), Some(0));
 }
@@ -344,13 +399,11 @@ fn the_stop_key_waits_for_no_answer() {
 fn a_signal_ends_it_and_gives_the_terminal_back() {
     let device = Device::open(serve);
     for signal in [Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP] {
-        let top = Top::start(&device.name);
-        top.wait_for("the axes", |screen| screen.contains(">   0"));
+        let top = Top::ready(&device.name);
         signal::kill(Pid::from_raw(top.program.id().cast_signed()), signal).expect("it runs");
         assert_eq!(top.end(), Some(0), "{signal}");
     }
-    let mut top = Top::start(&device.name);
-    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    let mut top = Top::ready(&device.name);
     top.press("\u{3}");
     assert_eq!(top.end(), Some(0), "Ctrl-C as a key");
 }
@@ -359,8 +412,7 @@ fn a_signal_ends_it_and_gives_the_terminal_back() {
 fn after_a_suspension_the_terminal_is_taken_again_and_the_stop_key_stops() {
     let device = Device::open(serve);
     for suspended in [Signal::SIGTSTP, Signal::SIGSTOP] {
-        let mut top = Top::start(&device.name);
-        top.wait_for("the axes", |screen| screen.contains(">   0"));
+        let mut top = Top::ready(&device.name);
         let raw = tcgetattr(&top.terminal).expect("it is a terminal");
         let id = Pid::from_raw(top.program.id().cast_signed());
         signal::kill(id, suspended).expect("it runs");
@@ -376,10 +428,7 @@ fn after_a_suspension_the_terminal_is_taken_again_and_the_stop_key_stops() {
             std::thread::sleep(LOOK_EVERY);
         }
         frames(&device);
-        top.press(" ");
-        top.wait_for("confirmed", |screen| {
-            (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")))
-        });
+        top.press_until(" ", "confirmed", is_all_confirmed);
         top.press("q");
         assert_eq!(top.end(), Some(0));
     }
@@ -388,8 +437,7 @@ fn after_a_suspension_the_terminal_is_taken_again_and_the_stop_key_stops() {
 #[test]
 fn a_gateway_that_is_gone_is_connected_to_again_and_a_stop_asked_for_meanwhile_goes_out() {
     let mut sim = Sim::start();
-    let mut top = Top::start(&sim.port);
-    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    let mut top = Top::ready(&sim.port);
     sim.process.kill();
     top.wait_for("lost", |screen| screen.contains("NOT CONNECTED, connecting again: "));
     top.press(" ");
@@ -397,9 +445,9 @@ fn a_gateway_that_is_gone_is_connected_to_again_and_a_stop_asked_for_meanwhile_g
     let address = sim.port.strip_prefix("tcp:").expect("a TCP port");
     let _again = Process::start(&["sim", "--listen", address]);
     top.wait_for("confirmed", |screen| {
-        let confirmed =
-            (0..4).all(|axis| screen.contains(&format!("axis {axis}: stop confirmed, ")));
-        confirmed && screen.contains("mgw: connected again") && !screen.contains("NOT CONNECTED")
+        is_all_confirmed(screen)
+            && screen.contains("mgw: connected again")
+            && !screen.contains("NOT CONNECTED")
     });
     top.press("q");
     assert_eq!(top.end(), Some(0));
@@ -408,8 +456,7 @@ fn a_gateway_that_is_gone_is_connected_to_again_and_a_stop_asked_for_meanwhile_g
 #[test]
 fn a_stop_that_nobody_confirmed_is_the_end_of_it_too() {
     let mut sim = Sim::start();
-    let mut top = Top::start(&sim.port);
-    top.wait_for("the axes", |screen| screen.contains(">   0"));
+    let mut top = Top::ready(&sim.port);
     sim.process.kill();
     top.press(" ");
     top.wait_for("kept", |screen| screen.contains("the stop is sent again until it is answered"));
