@@ -65,7 +65,7 @@ fn an_unconfigured_gateway_is_configured_by_hand() {
     let sim = Sim::with(&["--unconfigured"]);
     assert!(sim.mgw(&["axes"]).success().contains("no axis is configured"));
     sim.mgw(&["config", "bus", "0", "bitrate=1000000", "protocols=rmd,thruster"]).success();
-    sim.mgw(&["config", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
+    sim.half_configure(0, "bus = 0\nprotocol = \"rmd\"\nnode = 1\n");
     let axes = &sim.mgw(&["--json", "axes"]).json_lines()[0]["axes"];
     assert_eq!(
         (&axes[0]["state"], &axes[0]["missing"]),
@@ -99,30 +99,28 @@ fn a_file_configures_everything_at_once() {
 #[test]
 fn a_d5_listens_on_an_id_of_29_bits() {
     let sim = Sim::with(&["--d5-id", "extended:0x12345678"]);
-    let text = sim.mgw(&["set", "2", "velocity", "2", "--for", "0.5"]).success();
+    // As long as a busy machine needs.
+    sim.mgw(&["config", "gateway", "link_silence_us=10000000"]).success();
+    sim.mgw_once_in_command(&["config", "axis", "2", "ttl_us=10000000"]).success();
+    let text = sim.mgw_once_in_command(&["set", "2", "velocity", "2", "--for", "0.5"]).success();
     assert!(text.contains("axis 2 is armed"), "{text}");
     let shown = &sim.mgw(&["--json", "config", "show", "2"]).json_lines()[0]["parameters"];
     assert_eq!(shown["d5_request_id"], "extended:0x12345678");
     // Where it does not listen it does not answer.
-    sim.mgw(&["config", "axis", "2", "d5_request_id=0x678"]).success();
-    sim.mgw(&["arm", "2"]).failure(1);
+    sim.mgw_once_at_rest(&["config", "axis", "2", "d5_request_id=0x678"]).success();
+    sim.mgw_once_in_command(&["arm", "2"]).failure(1);
     let refused = sim.mgw(&["config", "axis", "2", "d5_request_id=extended:0x20000000"]).failure(2);
     assert!(
         refused.contains("It takes 0 to 0x7FF, or extended:0 to extended:0x1FFFFFFF"),
         "{refused}"
     );
     // The standard id of the motor's node is another than the extended one of that number.
-    sim.mgw(&[
-        "config",
-        "axis",
-        "4",
-        "bus=1",
-        "protocol=d5",
-        "node=12",
-        "d5_request_id=extended:0x12345678",
-    ])
+    sim.once(
+        "config axis 4 bus=1 protocol=d5 node=12 stop_action=hold \
+         d5_request_id=extended:0x12345678",
+    )
     .success();
-    let refused = sim.mgw(&["config", "axis", "2", "d5_request_id=extended:0x12345678"]).failure(1);
+    let refused = sim.once("config axis 2 d5_request_id=extended:0x12345678").failure(1);
     assert!(
         refused.contains("axis 2 would be sent frames on CAN id extended:0x12345678"),
         "{refused}"
@@ -237,7 +235,7 @@ fn state_and_stop_and_bus_print_tables() {
 #[test]
 fn an_axis_that_was_never_armed_makes_no_stop_fail() {
     let sim = Sim::patient();
-    sim.mgw(&["config", "axis", "5", "bus=0", "protocol=rmd", "node=5"]).success();
+    sim.half_configure(5, "bus = 0\nprotocol = \"rmd\"\nnode = 5\n");
     let mut host = Process::start(&["--port", &sim.port, "set", "0", "velocity", "2"]);
     host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
     for command in ["stop", "estop"] {

@@ -46,7 +46,7 @@ fn a_gateway_that_is_well_is_found_so() {
 fn faults_are_found_and_said_what_to_do_about() {
     let mut sim = Sim::start();
     sim.mgw_once_in_command(&["config", "axis", "3", "rmd_dialect=v4_4"]).success();
-    sim.mgw_once_in_command(&["config", "axis", "7", "bus=0"]).success();
+    sim.half_configure(7, "bus = 0\n");
     sim.mgw_once_in_command(&["config", "timeout", "0", "0"]).success();
     sim.typed("motor 0 faults 0x0002");
     let lines = examine(&sim);

@@ -1,6 +1,8 @@
 //! The commands of docs/first-turn, typed as printed, with what is printed below each.
 
-use crate::support::{Sim, file};
+use std::time::Instant;
+
+use crate::support::{LIMIT, Sim, file};
 use crate::typed::{Typed, all_typed, is_printed};
 
 /// A guide of that folder.
@@ -41,7 +43,15 @@ fn follow(guide: &'static str, turned: &[&str]) {
         };
         let typed: Vec<String> = words.iter().map(|word| in_directory(word)).collect();
         let typed: Vec<&str> = typed.iter().map(String::as_str).collect();
-        let mut printed = sim.mgw_once_at_rest(&typed).success();
+        let end = Instant::now() + LIMIT;
+        let outcome = loop {
+            let outcome = sim.mgw_once_at_rest(&typed);
+            // So `mgw doctor` says that this machine is busy.
+            if !outcome.stdout.contains("a round trip took") || Instant::now() >= end {
+                break outcome;
+            }
+        };
+        let mut printed = outcome.success();
         for (name, path) in &files {
             printed = printed.replace(path, name);
         }

@@ -83,9 +83,9 @@ const NOT_CONFIRMED: &str = "E-stop-not-confirmed";
 #[test]
 fn a_verdict_outlives_its_reader() {
     let mut sim = Sim::patient();
-    sim.mgw_once_in_command(&["config", "axis", "7", "bus=0"]).success();
+    sim.half_configure(7, "bus = 0\n");
     let nothing = file("nothing.toml");
-    std::fs::write(&nothing, "").expect("a file");
+    std::fs::write(&nothing, "[gateway]\n").expect("a file");
     let cut_short = |words: &[&str], lines| {
         let arguments = [&["--port", &sim.port], words].concat();
         mgw_cut_short(&arguments, Stdio::null(), lines)
