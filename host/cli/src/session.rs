@@ -179,6 +179,10 @@ impl Session {
         }
         let motors = self.out.motors;
         let names = self.known_names();
+        if axes.is_empty() {
+            self.out.text("no axis is configured")?;
+            return self.out.object(&json!({ "axes": [] }));
+        }
         self.out.table(&states::table(&reports, &motors, &names))?;
         self.explain_faults(&reports)?;
         for (axis, error) in &unread {

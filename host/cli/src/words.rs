@@ -261,6 +261,7 @@ fn event_in_words(event: &Event, motors: &Protocols) -> String {
         Event::Sample { axis, state, .. } => {
             format!("axis {axis}: a sample, {}", axis_state(*state))
         }
+        Event::RequestDropped { count: 1 } => "a request of this host was dropped".to_owned(),
         Event::RequestDropped { count } => format!("{count} requests of this host were dropped"),
         Event::Unknown { number } => {
             format!("event {number:#06x}, which this program does not know: update it")

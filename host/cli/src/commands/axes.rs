@@ -20,8 +20,8 @@ pub fn run(session: &mut Session) -> Result<(), Failure> {
     session.out.object(&json!({ "axes": axes.iter().map(object).collect::<Vec<_>>() }))?;
     if axes.is_empty() {
         return session.out.text(
-            "no axis is configured. Start with `mgw config axis 0 bus=0 protocol=rmd node=1 \
-                stop_action=hold` or a file",
+            "no axis is configured. Start with `mgw config bus 0 bitrate=1000000 protocols=rmd` and \
+                `mgw config axis 0 bus=0 protocol=rmd node=1 stop_action=hold`, or with a file",
         );
     }
     let headings = [">bus", "protocol", ">node", "state", "missing"];

@@ -258,7 +258,12 @@ fn change(
 fn make(session: &mut Session, changes: &[Change]) -> Result<(), Failure> {
     config::make(&mut session.client, changes).map_err(|error| match error {
         ClientError::Gateway(error) => {
-            Failure::Explained { error, text: format!("{error}. Nothing was changed") }
+            let text = match error {
+                // A file or this command is where it is to be written into.
+                Error::NotConfigured { .. } | Error::BusNotConfigured { .. } => error.to_string(),
+                error => Failure::would_be_refused(error).to_string(),
+            };
+            Failure::Explained { error, text: format!("{text}. Nothing was changed") }
         }
         error => error.into(),
     })

@@ -161,6 +161,18 @@ pub fn parse(source: &Source, base: &Configuration) -> File {
     for (name, value) in table.get_ref() {
         reader.section(name, value);
     }
+    if reader.file.rows.is_empty() && reader.file.findings.is_empty() {
+        // It may come from a command that has failed.
+        reader.file.findings.push(Finding {
+            line: None,
+            row: None,
+            key: None,
+            name: "Usage",
+            text: "it has no section, [gateway], [[bus]] or [[axis]]; `mgw config reset` removes \
+                everything"
+                .to_owned(),
+        });
+    }
     let mut file = reader.file;
     file.findings.sort_by_key(|finding| finding.line);
     file

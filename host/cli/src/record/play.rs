@@ -24,18 +24,28 @@ pub fn run(arguments: &PlayArgs, out: Output) -> Result<(), Failure> {
         })?;
         let mut lines = Lines::new();
         lines.line(&columns.head())?;
-        each(part, topics, aside, |message| lines.line(&columns.row(&message)))?;
+        let mut is_empty = true;
+        each(part, topics, aside, |message| {
+            is_empty = false;
+            lines.line(&columns.row(&message))
+        })?;
+        tell_empty(part, is_empty, aside);
         return lines.end();
     }
     if arguments.candump {
         let mut lines = Lines::new();
+        let mut is_empty = true;
         each(part, topics, aside, |message| {
-            candump(&message).map_or(Ok(()), |line| lines.line(&line))
+            let Some(line) = candump(&message) else { return Ok(()) };
+            is_empty = false;
+            lines.line(&line)
         })?;
+        tell_empty(part, is_empty, aside);
         return lines.end();
     }
-    let mut show = Show::default();
+    let (mut show, mut is_empty) = (Show::default(), true);
     each(part, topics, out, |message| {
+        is_empty = false;
         if out.is_json() {
             return out.object(&object!({
                 "event": "recorded", "topic": message.topic, "host_time_ns": message.log_ns,
@@ -43,7 +53,17 @@ pub fn run(arguments: &PlayArgs, out: Output) -> Result<(), Failure> {
             }));
         }
         show.lines(&message).iter().try_for_each(|line| out.text(line))
-    })
+    })?;
+    tell_empty(part, is_empty, out);
+    Ok(())
+}
+
+/// Nothing may have been printed because of a slip in what was asked for.
+fn tell_empty(part: &Part, is_empty: bool, out: Output) {
+    if is_empty {
+        let files: Vec<String> = part.files.iter().map(|file| file.display().to_string()).collect();
+        out.aside(format!("there is nothing of that in {}", files.join(", ")));
+    }
 }
 
 /// Calls `take` with the messages of a part that are of these topics, and says which of its files

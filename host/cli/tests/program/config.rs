@@ -149,6 +149,38 @@ fn what_is_incomplete_says_so_in_a_file() {
     reading(&sim, &merge, &more).success();
 }
 
+/// What comes from a command that has failed is no wish to remove everything.
+#[test]
+fn an_empty_file_is_refused_and_removes_nothing() {
+    let sim = Sim::start();
+    let before = sim.mgw(&["config", "dump"]).success();
+    for (text, arguments) in [
+        ("", &["config", "apply", "-"][..]),
+        ("# mgw: no gateway\n", &["config", "apply", "-"]),
+        ("\n", &["config", "apply", "-", "--merge"]),
+        ("", &["config", "diff", "-"]),
+        ("", &["config", "check", "-"]),
+    ] {
+        let said = reading(&sim, arguments, text).failure(2);
+        let wanted = "standard input: it has no section, [gateway], [[bus]] or [[axis]]; `mgw \
+                      config reset` removes everything";
+        assert!(said.contains(wanted), "{said}");
+    }
+    mgw_reading(&["config", "check", "-"], "").failure(2);
+    mgw_reading(&["plan", "-"], "").failure(2);
+    assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
+}
+
+/// As it says everywhere else.
+#[test]
+fn a_change_that_a_holding_axis_bars_names_the_way_out() {
+    let sim = Sim::patient();
+    sim.mgw_once_in_command(&["stop", "0"]).success();
+    let text = sim.once("config reset").failure(1);
+    let way = "switch its motor's output off first: `mgw output-off 0`. Nothing was changed";
+    assert!(text.contains(way), "{text}");
+}
+
 #[test]
 fn a_difference_is_shown_and_is_an_exit_code() {
     let sim = Sim::start();

@@ -310,6 +310,6 @@ fn bad_input_is_told_from_a_plan_that_does_not_hold() {
     }
     let error = mgw_reading(&["plan", "-"], "[[bus]]\nbus = 0\nbitrate = 1\n").failure(1);
     assert!(error.contains("standard input: line"), "{error}");
-    let error = mgw_reading(&["plan", "-"], "").failure(2);
+    let error = mgw_reading(&["plan", "-"], "[gateway]\n").failure(2);
     assert!(error.contains("no axis to plan for") && !error.contains("[E-"), "{error}");
 }

@@ -76,6 +76,11 @@ fn a_server_and_a_watcher_record_the_same_trip_of_another_program() {
     }
 
     // As text, as CSV, and as a picture.
+    for nothing in [&["--topic", "/evnt"][..], &["--axis", "9"], &["--candump"]] {
+        let told = mgw(&[&["play", &by_watcher], nothing].concat());
+        assert!(told.stderr.contains("there is nothing of that in "), "{told:?}");
+        assert_eq!(told.success(), "");
+    }
     let text = mgw(&["play", &by_server, "--topic", "/event"]).success();
     assert!(text.contains("axis 0 tripped"), "{text}");
     let text = mgw(&["play", &by_watcher, "--topic", "/axis/0"]).success();

@@ -111,7 +111,7 @@ fn the_gateway_refuses_each_bad_value_by_name() {
 fn an_axis_without_a_stop_action_does_not_arm() {
     let sim = Sim::with(&["--unconfigured"]);
     sim.mgw(&["config", "bus", "0", "bitrate=1000000", "protocols=rmd"]).success();
-    sim.mgw(&["config", "axis", "0", "bus=0", "protocol=rmd", "node=1"]).success();
+    sim.half_configure(0, "bus = 0\nprotocol = \"rmd\"\nnode = 1\n");
     let error = error(sim.mgw(&["--json", "arm", "0"]), 1);
     assert_eq!(error["name"], "not_configured");
     let said = "axis 0 is not configured: it has no stop_action. Write it into a file, then `mgw \
@@ -514,4 +514,14 @@ fn where_there_is_nothing_to_stop_or_to_clear_that_is_said() {
     assert_eq!(said, "no axis is configured: there is nothing to stop\n");
     let said = Sim::start().once("clear 0").success();
     assert_eq!(said, "axis 0 was not tripped: there was nothing to clear\n");
+    let empty = Sim::with(&["--motor", "0:rmd:1"]);
+    assert_eq!(empty.mgw(&["state"]).success(), "no axis is configured\n");
+    // What it says to begin with is taken, in this order.
+    let hint = empty.mgw(&["axes"]).success();
+    let commands: Vec<&str> = hint.split('`').skip(1).step_by(2).collect();
+    assert_eq!(commands.len(), 2, "{hint}");
+    for command in commands {
+        empty.once(command.strip_prefix("mgw ").unwrap()).success();
+    }
+    assert!(empty.mgw(&["axes"]).success().contains("rmd"));
 }
