@@ -296,6 +296,13 @@ fn with_way_out(error: &Error) -> String {
         Error::NotIdle { axis, state: AxisState::Holding } | Error::BusInUse { axis, .. } => {
             format!("{error}: `mgw output-off {axis}`")
         }
+        Error::NotIdle { axis, state: AxisState::Tripped { .. } } | Error::Tripped { axis, .. } => {
+            format!("{error}: `mgw clear {axis}`")
+        }
+        Error::TooManyChanges { .. } => format!(
+            "{error}: `mgw config remove AXIS`, or parts of a file one after the other by `mgw config \
+                apply --merge`"
+        ),
         Error::NothingToClear { axis } => format!(
             "axis {axis} has nothing that this clears: `mgw clear` needs a trip, `--unreachable` a \
                 motor that does not confirm its stop"

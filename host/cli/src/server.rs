@@ -63,9 +63,17 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
     let page_token = token.clone();
     let mut listeners = vec![Listener::Tcp(listener, token)];
     let mut ports = vec![format!("tcp:{address}")];
-    if let Some(path) = socket.clone().or_else(server_socket) {
+    let usual = server_socket();
+    let mut found = String::new();
+    if let Some(path) = socket.clone().or_else(|| usual.clone()) {
         listeners.push(unix(&path)?);
         ports.push(format!("unix:{}", path.display()));
+        let variable = if usual.as_ref() == Some(&path) {
+            ""
+        } else {
+            &format!("MGW_SOCKET={} ", path.display())
+        };
+        found = format!("Every `{variable}mgw` without --port uses it. ");
     }
     let tap = match record {
         Some(path) => {
@@ -79,7 +87,7 @@ pub fn run(arguments: &ServeArgs, port: Option<&str>, out: Output) -> Result<(),
     if let Some(view) = View::open(view, page_token.as_deref(), out)? {
         view.start(reach);
     }
-    out.text("Every `mgw` without --port uses it. Ctrl-C ends it; what is armed then stops.")?;
+    out.text(format!("{found}Ctrl-C ends it; what is armed then stops."))?;
 
     let named = port.map(str::to_owned);
     let open = move || {

@@ -171,6 +171,30 @@ fn an_empty_file_is_refused_and_removes_nothing() {
     assert_eq!(sim.mgw(&["config", "dump"]).success(), before);
 }
 
+/// More than one list of changes holds: what can be done is said.
+#[test]
+fn a_configuration_of_more_settings_than_change_at_once_is_taken_away_axis_by_axis() {
+    let sim = Sim::with(&["--unconfigured"]);
+    let axis = |axis| {
+        format!(
+            "[[axis]]\naxis = {axis}\nincomplete = true\nrefresh_us = 500_000\nmissed_replies = 4\n\
+             fault_poll_us = 1_000_000\nstate_poll_us = 1_000_000\nstandstill_rad_s = 0.2\n\
+             stops_before_unreachable = 9\nstop_repeat_us = 600_000\ndirection = -1\n\
+             ttl_us = 60_000\nlimit_margin = 0.2\nwarnings_are_faults = true\ntrip_group = 2\n"
+        )
+    };
+    let merge = ["config", "apply", "-", "--merge"];
+    for half in [0..16, 16..32] {
+        reading(&sim, &merge, &half.map(axis).collect::<String>()).success();
+    }
+    let text = sim.mgw(&["config", "reset"]).failure(1);
+    assert!(text.contains("in several steps: `mgw config remove AXIS`"), "{text}");
+    for axis in 0..4 {
+        sim.mgw_once_in_command(&["config", "remove", &axis.to_string()]).success();
+    }
+    sim.once("config reset").success();
+}
+
 /// As it says everywhere else.
 #[test]
 fn a_change_that_a_holding_axis_bars_names_the_way_out() {

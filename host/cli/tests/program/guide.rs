@@ -47,7 +47,10 @@ fn follow(guide: &'static str, turned: &[&str]) {
         let outcome = loop {
             let outcome = sim.mgw_once_at_rest(&typed);
             // So `mgw doctor` says that this machine is busy.
-            if !outcome.stdout.contains("a round trip took") || Instant::now() >= end {
+            let is_busy = ["wrong  link", "wrong  clock", "wrong link", "wrong clock"]
+                .iter()
+                .any(|said| outcome.stdout.contains(said));
+            if !is_busy || Instant::now() >= end {
                 break outcome;
             }
         };

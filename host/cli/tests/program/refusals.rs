@@ -509,6 +509,19 @@ fn a_list_of_commands_takes_no_field() {
 }
 
 #[test]
+fn what_a_tripped_axis_bars_names_the_command_that_clears_it() {
+    let mut sim = Sim::patient();
+    let host = Process::start(&["--port", &sim.port, "arm", "0"]);
+    host.wait_for("the arming", |line| line.contains("is armed").then_some(()));
+    sim.typed("motor 0 faults 0x0002");
+    sim.await_state("0", |state| state["state"] == "tripped" && state["stop_confirmed"] == true);
+    let text = sim.once("config axis 0 ttl_us=60000").failure(1);
+    assert!(text.contains("disarm or clear it first: `mgw clear 0`"), "{text}");
+    let text = sim.once("arm 0").failure(1);
+    assert!(text.contains("remove the cause, then clear the axis: `mgw clear 0`"), "{text}");
+}
+
+#[test]
 fn where_there_is_nothing_to_stop_or_to_clear_that_is_said() {
     let said = Sim::with(&["--motor", "0:rmd:1"]).mgw(&["stop"]).success();
     assert_eq!(said, "no axis is configured: there is nothing to stop\n");

@@ -97,6 +97,16 @@ fn several_programs_use_one_gateway_and_find_the_server_by_themselves() {
     }
 }
 
+/// Only the socket that every `mgw` looks for is found by itself.
+#[test]
+fn a_server_says_by_which_socket_it_is_found() {
+    let sim = Sim::start();
+    let server = Server::open(&sim.port, &[]);
+    let path = server.socket.to_str().unwrap();
+    let found = format!("`MGW_SOCKET={path} mgw` without --port uses it.");
+    server.process.wait_for("how", |line| line.contains(&found).then_some(()));
+}
+
 /// By its name and process on this computer, also when it has gone and the gateway still waits.
 #[cfg(target_os = "linux")]
 #[test]
