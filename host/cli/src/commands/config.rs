@@ -263,7 +263,10 @@ fn make(session: &mut Session, changes: &[Change]) -> Result<(), Failure> {
                 Error::NotConfigured { .. } | Error::BusNotConfigured { .. } => error.to_string(),
                 error => Failure::would_be_refused(error).to_string(),
             };
-            Failure::Explained { error, text: format!("{text}. Nothing was changed") }
+            // Of a list that is full or forgotten the gateway says so itself.
+            let says_so = text.contains("nothing was changed");
+            let text = if says_so { text } else { format!("{text}. Nothing was changed") };
+            Failure::Explained { error, text }
         }
         error => error.into(),
     })

@@ -189,6 +189,7 @@ fn a_configuration_of_more_settings_than_change_at_once_is_taken_away_axis_by_ax
     }
     let text = sim.mgw(&["config", "reset"]).failure(1);
     assert!(text.contains("in several steps: `mgw config remove AXIS`"), "{text}");
+    assert_eq!(text.to_lowercase().matches("nothing was changed").count(), 1, "{text}");
     for axis in 0..4 {
         sim.mgw_once_in_command(&["config", "remove", &axis.to_string()]).success();
     }
