@@ -5,7 +5,9 @@ use core::mem::swap;
 
 use serde::Serialize;
 
-use crate::frame::{CHECKSUM, CHECKSUM_SIZE, COBS_BLOCK, DELIMITER, HEADER_SIZE, Kind, MAX_BODY};
+use crate::frame::{
+    CHECKSUM_SIZE, COBS_BLOCK, DELIMITER, HEADER_SIZE, Kind, MAX_BODY, checksum_of,
+};
 
 /// Why a frame could not be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -132,7 +134,7 @@ pub(crate) use encode_frame;
 
 fn put_around(end: usize, out: &mut [u8]) -> Option<usize> {
     let (checked, behind) = out.split_at_mut_checked(end)?;
-    let checksum = CHECKSUM.checksum(checked.get(MESSAGE_AT..)?);
+    let checksum = checksum_of(checked.get(MESSAGE_AT..)?);
     *behind.first_chunk_mut()? = checksum.to_le_bytes();
     stuff(out, end + CHECKSUM_SIZE)
 }
