@@ -202,10 +202,11 @@ impl Axes {
             .filter(|(_, at)| *at < Instant::NEVER)
     }
 
-    /// When the first axis must be looked at again; [`Instant::NEVER`] where time alone changes
-    /// none.
-    pub fn first_due(&mut self) -> Instant {
-        if !self.is_first_known {
+    /// When the axes must be looked at again: not later than the first of them, as long as that is
+    /// after `now`; [`Instant::NEVER`] where time alone changes none. That another one has become the
+    /// first is found out when its time has come.
+    pub fn due_again(&mut self, now: Instant) -> Instant {
+        if self.none_due_before <= now && !self.is_first_known {
             (self.none_due_before, self.is_first_known) = (self.work_out_first_due(), true);
         }
         self.none_due_before
@@ -219,8 +220,7 @@ impl Axes {
     /// The axes to which time alone has brought something.
     pub fn due(&mut self, now: Instant) -> Set {
         let overdue = self.which(Is::Overdue);
-        let is_later = self.none_due_before > now || self.first_due() > now;
-        if is_later { overdue } else { overdue.with(self.due_by(now)) }
+        if self.due_again(now) > now { overdue } else { overdue.with(self.due_by(now)) }
     }
 
     fn due_by(&self, now: Instant) -> Set {

@@ -24,7 +24,7 @@ impl Gateway {
         if cfg!(debug_assertions) {
             self.buses.iter().for_each(|bus| bus.assert_due(self.now, &self.axes));
         }
-        let mut next = self.axes.first_due().min(self.links.due()).min(self.first_bus_due);
+        let mut next = self.axes.due_again(self.now).min(self.links.due()).min(self.first_bus_due);
         let together = self.together.as_ref().and_then(Together::deadline);
         let running = self.running.as_ref().map(Running::deadline);
         let mut consider = |at: Option<Instant>| next = at.map_or(next, |at| next.min(at));
