@@ -21,6 +21,9 @@ struct Kept {
     on: [Set; MAX_BUSES],
     /// By [`Is`].
     which: [Set; Is::COUNT],
+    /// Those that are due no earlier than is kept of them, but perhaps later: they have had a frame
+    /// handed over since they were looked at.
+    early: Set,
     each: [Look; MAX_AXES],
 }
 
@@ -34,6 +37,7 @@ impl Kept {
     const NONE: Self = Self {
         on: [Set::NONE; MAX_BUSES],
         which: [Set::NONE; Is::COUNT],
+        early: Set::NONE,
         each: [Look::NONE; MAX_AXES],
     };
 
@@ -41,6 +45,7 @@ impl Kept {
     #[inline(always)]
     fn put(&mut self, index: usize, look: Look) -> Option<Look> {
         let one = Set::of(index);
+        self.early.put(one, false);
         let was = core::mem::replace(self.each.get_mut(index)?, look);
         let mut changed = was.flags ^ look.flags;
         while changed != 0 {
@@ -55,6 +60,16 @@ impl Kept {
             }
         }
         Some(was)
+    }
+
+    /// Keeps otherwise what is so of an axis, and notes that it is due no earlier than is kept.
+    fn note(&mut self, index: usize, is: Is, so: bool) -> Option<&mut Look> {
+        let one = Set::of(index);
+        self.early.add(one);
+        self.which.get_mut(is as usize)?.put(one, so);
+        let look = self.each.get_mut(index)?;
+        look.put(is, so);
+        Some(look)
     }
 
     fn due(&self, index: usize) -> Instant {
@@ -156,6 +171,52 @@ impl Axes {
     pub fn get_mut(&mut self, index: usize) -> Option<&mut Axis> {
         self.touched.add(Set::of(index));
         self.axes.get_mut(index)
+    }
+
+    /// Has a frame of an axis handed over. What that alone changes of what is kept needs no look at
+    /// the axis: until the frame has left it wants nothing, and it is due no earlier.
+    pub fn hand_over<T>(
+        &mut self,
+        index: usize,
+        act: impl FnOnce(&mut Axis) -> Option<T>,
+    ) -> Option<T> {
+        let given = act(self.axes.get_mut(index)?);
+        if self.spares_look(index, given.is_some())
+            && let Some(look) = self.kept.note(index, Is::Ready, false)
+        {
+            look.stop_due = Instant::NEVER;
+        }
+        given
+    }
+
+    /// A frame of an axis has left. Where nothing follows but that its reply is due until the time
+    /// that `act` returns, that needs no look at the axis either.
+    pub fn transmitted(&mut self, index: usize, act: impl FnOnce(&mut Axis) -> Option<Instant>) {
+        let Some(axis) = self.axes.get_mut(index) else { return };
+        let reply_by = act(axis);
+        let is_late = self.which(Is::Late).has(index);
+        if self.spares_look(index, reply_by.is_some() && !is_late)
+            && let Some(reply_by) = reply_by
+            && let Some(look) = self.kept.note(index, Is::Awaiting, true)
+        {
+            look.due = look.due.min(reply_by);
+            self.is_first_known &= reply_by > self.none_due_before;
+            self.none_due_before = self.none_due_before.min(reply_by);
+        }
+    }
+
+    /// An axis has changed. Whether what is kept of it follows from that alone, as far as it is
+    /// `known`; else it is to be looked at.
+    fn spares_look(&mut self, index: usize, known: bool) -> bool {
+        let one = Set::of(index);
+        let spares = known && !self.touched.has(index);
+        if spares {
+            self.used.add(one);
+            self.stale.add(one);
+        } else {
+            self.touched.add(one);
+        }
+        spares
     }
 
     /// Every axis, configured or not.
@@ -291,9 +352,14 @@ impl Axes {
     pub fn assert_kept(&self, now: Instant, after: Instant, unstopped: Set) {
         let mut fresh = Kept::NONE;
         for (axis, kept) in self.axes.iter().zip(&self.kept.each) {
-            let look = if unstopped.has(axis.index) { *kept } else { Look::at(axis, now, after) };
+            let mut look =
+                if unstopped.has(axis.index) { *kept } else { Look::at(axis, now, after) };
+            if self.kept.early.has(axis.index) {
+                look.due = look.due.min(kept.due);
+            }
             fresh.put(axis.index.into(), look);
         }
+        fresh.early = self.kept.early;
         assert_eq!(self.touched, Set::NONE, "axes that are not settled");
         assert_eq!(fresh, self.kept);
         let first = self.work_out_first_due();

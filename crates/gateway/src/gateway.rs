@@ -94,8 +94,6 @@ pub struct Gateway {
     /// Buses that hold a stop beside other frames, and have not been asked since what of these must
     /// come back.
     pub(crate) crowded_buses: Set,
-    /// Buses whose frames have changed axes that are not settled yet: who polls them knows.
-    pub(crate) served_buses: Set,
 }
 
 impl Gateway {
@@ -144,7 +142,6 @@ impl Gateway {
             unwatched_buses: Set::NONE,
             changed_buses: Set::NONE,
             crowded_buses: Set::NONE,
-            served_buses: Set::NONE,
         }
     }
 
@@ -271,9 +268,7 @@ impl Gateway {
     #[inline(never)]
     fn settle_axes(&mut self, now: Instant) {
         let changed = self.axes.settle(now, self.now);
-        let known = self.served_buses.take().without(self.changed_buses);
         self.touch_buses(changed);
-        self.changed_buses.put(known, false);
         for bus in self.axes.take_new_traffic() {
             if let Some(bus) = self.buses.get_mut(bus) {
                 bus.measure(&self.axes);
@@ -290,7 +285,6 @@ impl Gateway {
             let known = self.buses.iter().enumerate();
             let mut known = known.filter(|(index, _)| !self.touched_buses.has(*index));
             assert!(known.all(|(_, bus)| bus.due() >= self.first_bus_due), "first bus due");
-            assert_eq!(self.served_buses, Set::NONE, "nothing waits to be settled");
         }
     }
 
@@ -339,7 +333,7 @@ impl Gateway {
         let now = self.later(now);
         let may_want = now > self.now || self.may_want(now, bus);
         self.begin_stops(bus);
-        self.settle_served(now);
+        self.settle(now);
         let Self { buses, axes, links, .. } = self;
         let polled = buses.get_mut(usize::from(bus))?;
         let transmit = polled.poll_transmit(now, axes, &mut Outbox::new(now, links));
@@ -347,26 +341,16 @@ impl Gateway {
             self.crowded_buses.add(Set::of(bus));
         }
         debug_assert!(may_want || transmit.is_none(), "bus {bus} has more to send than is known");
-        self.has_polled(bus, transmit.is_some());
+        self.has_polled(now, bus, transmit.is_some());
         transmit
     }
 
-    /// Works out what the frames before the next one have changed.
-    fn settle_served(&mut self, now: Instant) {
-        let is_served = !self.served_buses.is_empty();
-        self.settle(now);
-        if is_served {
-            self.check_kept(now);
-        }
-    }
-
-    /// A bus has been polled: who polls it does so until nothing is left. Its axis is settled when
-    /// the core is asked the next time, as the frame goes first.
-    fn has_polled(&mut self, bus: u8, has_changed: bool) {
+    /// A bus has been polled: who polls it does so until nothing is left.
+    fn has_polled(&mut self, now: Instant, bus: u8, has_changed: bool) {
         let bus = Set::of(bus);
         if has_changed {
             self.touch_buses(bus);
-            self.served_buses.put(bus, !self.axes.is_settled());
+            self.check_kept(now);
         }
         self.changed_buses.put(bus, false);
     }
@@ -377,11 +361,11 @@ impl Gateway {
         let now = self.later(now);
         let may_want = now > self.now || self.may_want(now, bus);
         self.begin_stops(bus);
-        self.settle_served(now);
+        self.settle(now);
         let slot = self.with_bus(now, bus, |bus, axes, _| bus.poll_cancel(now, axes))?;
         debug_assert!(may_want || slot.is_none(), "bus {bus} has more to cancel than is known");
         self.crowded_buses.put(Set::of(bus), slot.is_some());
-        self.has_polled(bus, slot.is_some());
+        self.has_polled(now, bus, slot.is_some());
         slot
     }
 

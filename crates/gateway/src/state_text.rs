@@ -48,7 +48,6 @@ impl Gateway {
             first_bus_due: _,
             unwatched_buses: _,
             crowded_buses: _,
-            served_buses: _,
             changed_buses: _,
         } = self;
         for axis in all.iter().take(axes) {

@@ -69,7 +69,8 @@ impl Transaction {
         self.slot == slot && self.is_with_port()
     }
 
-    fn deadline(&self) -> Option<Instant> {
+    /// When something of it is over that time alone ends.
+    pub fn deadline(&self) -> Option<Instant> {
         match self.stage {
             Stage::WithPort => None,
             Stage::Awaited { until, .. } | Stage::Late { until } => Some(until),

@@ -165,6 +165,12 @@ impl Look {
         self.flags |= if so { is.bit() } else { 0 };
     }
 
+    /// Something is so of it, or is not any more.
+    pub fn put(&mut self, is: Is, so: bool) {
+        self.flags &= !is.bit();
+        self.note(is, so);
+    }
+
     /// Something of the axis is over at this time.
     fn ends(&mut self, at: Option<Instant>, now: Instant, after: Instant) {
         if let Some(at) = at {

@@ -56,11 +56,16 @@ impl Axis {
         self.note_restart(now, exchange, &command);
     }
 
-    /// The frame in `slot` has left; its reply may come within `window`.
-    pub fn transmitted(&mut self, now: Instant, slot: u8, window: Duration, out: &mut Outbox<'_>) {
-        let Some(request) = self.transactions.transmitted(now, slot, window, &self.config) else {
-            return;
-        };
+    /// The frame in `slot` has left; its reply may come within `window`. Of a setpoint that nothing
+    /// else is under way beside, returns by when that is: nothing more follows.
+    pub fn transmitted(
+        &mut self,
+        now: Instant,
+        slot: u8,
+        window: Duration,
+        out: &mut Outbox<'_>,
+    ) -> Option<Instant> {
+        let request = self.transactions.transmitted(now, slot, window, &self.config)?;
         self.first_stop_left(request.exchange);
         self.prolong_pause(now);
         self.note_restart(now, request.exchange, &request.command);
@@ -76,6 +81,9 @@ impl Axis {
         if self.transactions.is_idle() {
             self.answered(now, &request, &Observation::default(), &[], out);
         }
+        let is_setpoint = matches!(self.state, State::Active(..)) && self.job.is_none();
+        let reply_by = self.transactions.current()?.deadline()?;
+        (is_setpoint && self.reply_with_our_id_since().is_none()).then_some(reply_by)
     }
 
     /// Whether the frame in `slot` has not left and should not any more: a stop has preempted it,

@@ -41,7 +41,7 @@ impl Bus {
         if let Some((index, want)) = self.choose(now, axes, Room::Left)
             && !self.empties_for_another_stop(now, axes, index)
         {
-            return self.hand_over(now, axes.get_mut(index)?, want, is_alone, out);
+            return axes.hand_over(index, |axis| self.hand_over(now, axis, want, is_alone, out));
         }
         self.raw_frame(now, is_alone)
     }
@@ -63,9 +63,8 @@ impl Bus {
         if self.kind() == BusKind::Rs485 {
             self.line.sent(now, self.line_times());
         }
-        if let Some(axis) = in_flight.axis.and_then(|index| axes.get_mut(usize::from(index))) {
-            axis.transmitted(now, slot, window, out);
-            let from = axis.index;
+        if let Some(from) = in_flight.axis {
+            axes.transmitted(from.into(), |axis| axis.transmitted(now, slot, window, out));
             axes.each(self.which(Is::Objecting, axes), |other| {
                 if other.index != from {
                     other.transactions.may_object(now);

@@ -177,13 +177,11 @@ impl Gateway {
             unwatched_buses,
             changed_buses,
             crowded_buses,
-            served_buses,
         } = self;
         (
             (authority, epoch, e_stopped, unstopped, e_stop_input_open, enabled, link_lost, starts),
             (together, arming, cycle, running, retention, flight_reading),
             (now, latest, touched_buses, unwatched_buses, changed_buses, crowded_buses),
-            served_buses,
         )
     }
 
