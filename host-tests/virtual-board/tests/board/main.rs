@@ -14,6 +14,7 @@ mod faults;
 mod first_turn;
 mod flight;
 mod floods;
+mod full_load;
 mod gaps;
 mod hse;
 mod lab;
