@@ -2,7 +2,7 @@
 //! one; `--renew` writes that anew, and `--profile` prints instead which functions and lines the
 //! instructions of an axis and period are of.
 //!
-//! `.ci/virtual-board cycle [--board BOARD] [--only LINE | --renew | --profile]` builds the image
+//! `.ci/virtual-board cycle [--board BOARD] [--only LINE | --renew | --profile [LINE]]` builds the image
 //! and runs it, in virtual time.
 
 use std::error::Error;
@@ -23,9 +23,10 @@ fn main() -> ExitCode {
         [] => exit_code(run("", false)),
         ["--only", line] => exit_code(run(line, false)),
         ["--renew"] => exit_code(run("", true)),
-        ["--profile"] => exit_code(print_profile()),
+        ["--profile"] => exit_code(print_profile(None)),
+        ["--profile", line] => exit_code(print_profile(Some(line))),
         _ => {
-            eprintln!("usage: cycle [--only LINE | --renew | --profile]");
+            eprintln!("usage: cycle [--only LINE | --renew | --profile [LINE]]");
             ExitCode::from(2)
         }
     }
@@ -40,7 +41,7 @@ fn run(only: &str, renew: bool) -> Result<bool, Box<dyn Error>> {
 }
 
 /// It holds nothing: it is to be read.
-fn print_profile() -> Result<bool, Box<dyn Error>> {
-    print!("{}", profile(&image_path()?)?);
+fn print_profile(line: Option<&str>) -> Result<bool, Box<dyn Error>> {
+    print!("{}", profile(&image_path()?, line)?);
     Ok(true)
 }

@@ -1,138 +1,67 @@
 //! How often a free-running cycle serves its axes: against what the wire could do, at both speeds
 //! of the core, and what of the core that takes.
 //!
-//! One board serves every line of a speed: as many RMDs hang on each CAN bus as a line asks for at
-//! most, and a line arms those that it is about.
+//! One board serves every line of a speed with the same motors: as many hang on each bus as a line
+//! asks for at most, and a line arms those that it is about.
 
+mod situation;
 mod table;
+mod wire;
 
+pub use situation::{Motors, Situation};
 pub use table::{Row, Table};
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::panic::resume_unwind;
 use std::path::Path;
 use std::rc::Rc;
+use std::thread;
 use std::time::Duration;
-use std::{fmt, thread};
 
 use host_protocol::requests::Cycle;
 use host_protocol::{
     AxisParameter, CycleEvent, CycleMessage, Deframer, FixedU32, GatewayParameter, Incident, Kind,
-    MAX_FRAME, Overruns, Request, Setpoint, StateField, StateFields, StopAction, StopTarget, Value,
+    MAX_FRAME, Overruns, ProtocolSet, Request, Setpoint, StateFields, StopTarget, Value,
 };
-use mgw_client::{AxisSetpoint, Client, ClientError, make_velocity};
+use mgw_client::{AxisSetpoint, Client, ClientError};
 use mgw_sim::Injection;
-use virtual_stm32::fdcan::{FrameEnd, FrameRecord, Sender};
 
 use crate::board::Board;
 use crate::host_uart::HostUart;
 use crate::machine::{Builder, Line, Machine};
 use crate::measure::{Fetches, Functions, NotMeasurable, Profiler, STAGES, Traced};
-use crate::nodes::since_start;
 use crate::outside::Outside;
 use crate::transport::BoardTransport;
 use crate::usual;
+use situation::PER_BUS;
+use wire::Passage;
 
 /// Decides what is left to chance.
 const SEED: u64 = 1;
-/// Bits per second of the buses.
-const BITRATE: u32 = 1_000_000;
-/// Bits of an RMD's request and its reply on the wire, as they are stuffed on average: what the
-/// limits are worked out from. A line says what its own frames took.
-const EXCHANGE_BITS: u32 = 236;
-/// Axes of a bus at most.
-const PER_BUS: u8 = 4;
 /// The rate of the host's line.
 const BAUD: u32 = 3_000_000;
-/// Periods that are looked at.
+/// Periods that are looked at; fewer where they are long.
 const PERIODS: u32 = 400;
+const LONG_PERIODS: u32 = 100;
+const LONG_US: u32 = 2_000;
+/// What an exchange takes on average is what the limit goes by, within a fiftieth.
+const ASSUMED_WITHIN: u64 = 50;
 /// Those that are traced.
 const TRACED: u32 = 5;
 /// Those until a cycle runs as it goes on.
 const SETTLED: u32 = 20;
 /// Nothing expires meanwhile.
 const TTL: Duration = Duration::from_secs(50);
+/// A slow bus, bit/s, and how often its motors are told or asked beside the cycle.
+const SLOW: u32 = 250_000;
+const SLOW_US: u32 = 1_000_000;
 const LINK_SILENCE_US: u32 = 10_000_000;
 const MOTOR_TIMEOUT_MS: u32 = 1_000;
 /// For motors to stop, and to be seen to.
 const STOPPED: Duration = Duration::from_millis(300);
-/// RMD V3.6 §2.20: a velocity setpoint.
-const VELOCITY_COMMAND: u8 = 0xA2;
 /// A sequence number that the client has not used lately.
 const SEQUENCE: u16 = 0x7000;
-const FIELDS: StateFields =
-    StateFields::of(&[StateField::Position, StateField::Velocity, StateField::Current]);
-
-/// A line of the table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Situation {
-    /// Axes on each bus.
-    pub per_bus: u8,
-    /// Buses, from the first.
-    pub buses: u8,
-    /// What a motor takes to begin its reply.
-    pub delay: Duration,
-    /// The period is so much of the shortest that the wire allows, percent.
-    pub period_percent: u32,
-    /// The host gives every axis a new setpoint in each period.
-    pub has_setpoints: bool,
-}
-
-impl Situation {
-    /// As many axes as a board has here, whose motors answer at once.
-    fn usual(board: Board) -> Self {
-        Self {
-            per_bus: PER_BUS,
-            buses: u8::try_from(board.can_ports.len()).expect("a few"),
-            delay: Duration::ZERO,
-            period_percent: 105,
-            has_setpoints: false,
-        }
-    }
-
-    /// All of a board.
-    pub fn all(board: Board) -> Vec<Self> {
-        let usual = Self::usual(board);
-        let delayed = Duration::from_micros(200);
-        let mut all = Vec::new();
-        for delay in [Duration::ZERO, delayed] {
-            all.push(Self { per_bus: 1, buses: 1, delay, period_percent: 111, ..usual });
-            all.push(Self { per_bus: 1, delay, period_percent: 111, ..usual });
-            all.push(Self { buses: 1, delay, ..usual });
-            all.push(Self { delay, ..usual });
-        }
-        all.push(Self { period_percent: 100, ..usual });
-        all.push(Self { period_percent: 125, ..usual });
-        all.push(Self { has_setpoints: true, ..usual });
-        all
-    }
-
-    /// The shortest period that the wire allows: its frames one behind the other, and behind a
-    /// single request the motor's own time.
-    fn wire_us(&self) -> u32 {
-        let alone = EXCHANGE_BITS + u32::try_from(self.delay.as_micros()).expect("short");
-        alone.max(EXCHANGE_BITS * u32::from(self.per_bus))
-    }
-
-    fn period_us(&self) -> u32 {
-        (self.wire_us() * self.period_percent).div_ceil(100)
-    }
-
-    fn axes(&self) -> Vec<u8> {
-        let of_bus = |bus| (0..self.per_bus).map(move |place| bus * PER_BUS + place);
-        (0..self.buses).flat_map(of_bus).collect()
-    }
-}
-
-impl fmt::Display for Situation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { per_bus, buses, delay, period_percent, has_setpoints } = self;
-        let delay = delay.as_micros();
-        write!(f, "{per_bus} x {buses}, {delay} us, period {period_percent} %")?;
-        f.write_str(if *has_setpoints { ", setpoints" } else { "" })
-    }
-}
 
 /// Measures the lines whose names contain `filter`, at both speeds. `is_traced`: of the usual line
 /// at the higher speed also which stage of the work the instructions belong to.
@@ -142,42 +71,53 @@ pub fn measure(image: &Path, filter: &str, is_traced: bool) -> Result<Table, Not
     let functions = &is_traced.then(|| Functions::of(image)).transpose()?;
     let board = &|| Builder::new(image).expect("the image that was just read");
     let wanted = &|| {
-        let all = Situation::all(Board::chosen()).into_iter();
+        let all = Situation::all().into_iter();
         all.filter(|situation| situation.to_string().contains(filter))
     };
-    let of_speed = |speed| {
-        let mut rig = Rig::power_on(board().instructions_per_second(speed));
+    let of_motors = |motors, speed| {
+        let mut lines = wanted().filter(|situation| situation.motors == motors).peekable();
+        if lines.peek().is_none() {
+            return Vec::new();
+        }
+        let mut rig = Rig::power_on(board().instructions_per_second(speed), motors);
         let [fast, _] = Board::chosen().speeds;
-        let usual = Situation::usual(Board::chosen());
+        let usual = Situation::usual(Motors::Rmd);
         let measured = |situation| {
             let traced = functions.as_ref().filter(|_| speed == fast && situation == usual);
             let (row, traced) = rig.measure(situation, speed, traced);
             (row, traced.map(|traced| by_stage(situation, &traced)))
         };
-        wanted().map(measured).collect::<Vec<_>>()
+        lines.map(measured).collect()
     };
+    let of_speed =
+        |speed| Motors::ALL.into_iter().flat_map(|motors| of_motors(motors, speed)).collect();
     let rows = thread::scope(|scope| {
         let runs = Board::chosen().speeds.map(|speed| scope.spawn(move || of_speed(speed)));
-        runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic))).concat()
+        let joined = runs.map(|run| run.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        <[Vec<(Row, Option<String>)>]>::concat(&joined)
     });
     let (rows, stages): (Vec<Row>, Vec<_>) = rows.into_iter().unzip();
     Ok(Table { rows, stages: stages.into_iter().flatten().collect() })
 }
 
-/// Where the instructions of the usual line go on a core of the higher speed, for each axis and
-/// period, by function and by line.
-/// Fails if the file is no image.
+/// Where the instructions of a line go on a core of the higher speed, for each axis and period, by
+/// function and by line: of the first whose name contains `filter`, or of the usual one.
+/// Fails if the file is no image, or there is no such line.
 /// Panics as [`measure`] does.
-pub fn profile(image: &Path) -> Result<String, NotMeasurable> {
+pub fn profile(image: &Path, filter: Option<&str>) -> Result<String, NotMeasurable> {
     let functions = Functions::of(image)?;
     let profiler = Profiler::new(image, functions.clone())?;
     let [fast, _] = Board::chosen().speeds;
     let board = Builder::new(image).map_err(|error| NotMeasurable(error.to_string()))?;
-    let usual = Situation::usual(Board::chosen());
-    let (_, traced) =
-        Rig::power_on(board.instructions_per_second(fast)).measure(usual, fast, Some(&functions));
+    let wanted = match filter {
+        Some(filter) => Situation::all().into_iter().find(|line| line.to_string().contains(filter)),
+        None => Some(Situation::usual(Motors::Rmd)),
+    };
+    let line = wanted.ok_or_else(|| NotMeasurable("there is no such line".to_owned()))?;
+    let mut rig = Rig::power_on(board.instructions_per_second(fast), line.motors);
+    let (_, traced) = rig.measure(line, fast, Some(&functions));
     let executed = traced.expect("asked for").executed;
-    Ok(profiler.table(&usual.to_string(), &executed, axis_periods(usual)))
+    Ok(profiler.table(&line.to_string(), &executed, axis_periods(line)))
 }
 
 /// How often an axis is served in what is traced.
@@ -196,6 +136,7 @@ fn by_stage(situation: Situation, traced: &Traced) -> String {
 
 /// A board with its motors, configured.
 struct Rig {
+    motors: Motors,
     machine: Rc<RefCell<Machine>>,
     outside: Outside,
     client: Client<BoardTransport>,
@@ -204,19 +145,15 @@ struct Rig {
 impl Rig {
     /// Switches it on, and has its host's line run faster.
     /// Panics if the gateway refuses it.
-    fn power_on(mut board: Builder) -> Self {
-        let buses = 0..u8::try_from(board.board().can_ports.len()).expect("a few");
-        let motors: Vec<_> = buses
-            .clone()
-            .flat_map(|bus| (1..=PER_BUS).map(move |node| usual::rmd(bus, node, BITRATE)))
-            .collect();
-        let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");
+    fn power_on(mut board: Builder, motors: Motors) -> Self {
+        let wiring = motors.wiring();
+        let outside = Outside::connect(&mut board, &wiring, SEED).expect("a sound wiring");
         let machine = Rc::new(RefCell::new(board.power_on()));
         let transport = BoardTransport::new(&machine, outside.hosts[0]);
         let mut client = Client::connect_as(transport, 1, 1).expect("hello");
-        let configured = client.set_baud(BAUD).and_then(|()| configure(&mut client, buses));
+        let configured = client.set_baud(BAUD).and_then(|()| configure(&mut client, motors));
         configured.unwrap_or_else(|error| panic!("{error}"));
-        Self { machine, outside, client }
+        Self { motors, machine, outside, client }
     }
 
     /// Runs a cycle, and looks at it. With the functions of the image, some periods are traced.
@@ -232,13 +169,14 @@ impl Rig {
         for motor in 0..self.outside.motors() {
             self.outside.inject(&mut self.machine.borrow_mut(), motor, delay);
         }
+        let (setpoint, fields) = (self.motors.setpoint(), self.motors.fields());
         let setpoints: Vec<AxisSetpoint> =
-            axes.iter().map(|axis| make_velocity(*axis, 2.0)).collect();
+            axes.iter().map(|axis| AxisSetpoint { axis: *axis, setpoint }).collect();
         let period_us = situation.period_us();
         let period = Duration::from_micros(period_us.into());
         let begun = self.client.arm_together(&axes).and_then(|epoch| {
-            self.client.cycle(epoch, &setpoints, FIELDS, TTL)?;
-            self.client.run_cycle(&axes, FIELDS, period)?;
+            self.client.cycle(epoch, &setpoints, fields, TTL)?;
+            self.client.run_cycle(&axes, fields, period)?;
             Ok(epoch)
         });
         let epoch = begun.unwrap_or_else(|error| panic!("{situation}: {error}"));
@@ -252,11 +190,11 @@ impl Rig {
         self.run(2, period, &mut listener, &mut told);
         let before = self.look();
         let first = listener.take();
-        self.run(PERIODS, period, &mut listener, &mut told);
+        self.run(periods(situation), period, &mut listener, &mut told);
         let after = self.look();
         let events = listener.take();
         let row = Row::of(situation, speed, &first, &events, &before, &after);
-        let over = self.client.run_cycle(&[], FIELDS, period).and_then(|()| {
+        let over = self.client.run_cycle(&[], fields, period).and_then(|()| {
             self.client.stop(StopTarget::All)?;
             self.machine.borrow_mut().run_for(STOPPED);
             self.client.incidents()
@@ -305,33 +243,53 @@ impl Rig {
     fn look(&mut self) -> Look {
         let mut machine = self.machine.borrow_mut();
         let ports = machine.board().can_ports;
-        let frames = ports.iter().map(|port| machine.can_mut(*port).take_log()).collect();
-        Look { at: machine.now(), instructions: machine.instructions(), frames }
+        let mut carried = |(bus, _): (u8, u32)| match ports.get(usize::from(bus)) {
+            Some(port) => wire::of_frames(&machine.can_mut(*port).take_log(), self.motors),
+            None => {
+                let line = machine.line(self.outside.rs485);
+                let passages = wire::of_line(line.sent(), line.replies(), self.motors);
+                line.clear_sent();
+                passages
+            }
+        };
+        let passages = self.motors.buses().into_iter().map(&mut carried).collect();
+        Look { at: machine.now(), instructions: machine.instructions(), passages }
     }
 }
 
-fn configure(
-    client: &mut Client<BoardTransport>,
-    buses: std::ops::Range<u8>,
-) -> Result<(), ClientError> {
+fn configure(client: &mut Client<BoardTransport>, motors: Motors) -> Result<(), ClientError> {
     client.configure_gateway(GatewayParameter::LinkSilenceUs, Value::Unsigned(LINK_SILENCE_US))?;
-    for bus in buses {
-        usual::start_rmd_bus(client, bus, BITRATE)?;
-        for place in 0..PER_BUS {
-            let axis = bus * PER_BUS + place;
+    let protocols = ProtocolSet::of(&[motors.protocol()]);
+    let mut axes = 0..;
+    for (bus, bitrate) in motors.buses() {
+        client.configure_bus(bus, bitrate, protocols, false, usual::REPLY_WINDOW)?;
+        for (node, axis) in (1..=PER_BUS).zip(&mut axes) {
+            let usual = usual::Axis {
+                bus,
+                protocol: motors.protocol(),
+                node: node.into(),
+                stop_action: motors.stop_action(),
+            };
+            // What is sent beside the cycle takes a quarter of a slow bus else.
+            let rare =
+                [AxisParameter::RefreshUs, AxisParameter::StatePollUs, AxisParameter::FaultPollUs];
+            let slow = rare.map(|parameter| (parameter, SLOW_US));
+            let slow = if bitrate < SLOW { slow.as_slice() } else { &[] };
+            usual::set_axis(client, axis, slow)?;
+            usual.configure(client, axis)?;
             let ttl_us = u32::try_from(TTL.as_micros()).expect("less than an hour");
-            let values = [
-                (AxisParameter::Bus, bus.into()),
-                (AxisParameter::Protocol, host_protocol::Protocol::Rmd.into()),
-                (AxisParameter::Node, u32::from(place) + 1),
-                (AxisParameter::StopAction, StopAction::Hold.into()),
-                (AxisParameter::TtlUs, ttl_us),
-            ];
-            usual::set_axis(client, axis, &values)?;
-            client.provision_motor_timeout(axis, MOTOR_TIMEOUT_MS)?;
+            usual::set_axis(client, axis, &[(AxisParameter::TtlUs, ttl_us)])?;
+            if usual.has_motor_timeout() {
+                client.provision_motor_timeout(axis, MOTOR_TIMEOUT_MS)?;
+            }
         }
     }
     Ok(())
+}
+
+/// How many periods are looked at.
+fn periods(situation: Situation) -> u32 {
+    if situation.period_us() < LONG_US { PERIODS } else { LONG_PERIODS }
 }
 
 /// A new setpoint for each of these axes.
@@ -356,7 +314,7 @@ struct Look {
     at: Duration,
     instructions: u64,
     /// By bus.
-    frames: Vec<Vec<FrameRecord>>,
+    passages: Vec<Vec<Passage>>,
 }
 
 /// Hears the events of a cycle.
@@ -402,37 +360,36 @@ impl Row {
         let per = |count: u64, of: u64| count / of.max(1);
         let lasted = to.at - from.at;
         let nanos = u64::try_from(lasted.as_nanos()).expect("short");
-        // The request of a setpoint and its reply carry the same command.
-        let motions = |record: &&FrameRecord| {
-            record.frame.payload().first() == Some(&VELOCITY_COMMAND)
-                && record.outcome == FrameEnd::Acknowledged
-        };
-        let length = |record: &FrameRecord| {
-            u64::try_from((since_start(record.end) - since_start(record.start)).as_nanos())
-                .expect("short")
-        };
-        // Three bits between two frames are of the wire, too.
-        let intermission = 3_000;
+        let motors = situation.motors;
+        let buses = motors.buses().into_iter().zip(&to.passages).take(situation.buses.into());
         let mut rates = BTreeSet::new();
-        let (mut busy, mut wire, mut exchanges) = (0, 0, 0);
-        for frames in to.frames.iter().take(situation.buses.into()) {
-            busy = busy.max(frames.iter().map(|frame| length(frame) + intermission).sum::<u64>());
-            let of_motions: Vec<_> = frames.iter().filter(motions).collect();
-            wire += of_motions.iter().map(|frame| length(frame) + intermission).sum::<u64>();
-            let replies = of_motions.iter().filter(|frame| frame.sender != Sender::Controller);
-            let mut by_id = BTreeMap::new();
-            for reply in replies {
-                *by_id.entry(reply.frame.id.value()).or_insert(0_u64) += 1;
-            }
-            if by_id.len() < usize::from(situation.per_bus) {
+        let (mut busy, mut bits, mut exchanges, mut gaps) = (0, 0, 0, Vec::new());
+        for ((bus, bitrate), passages) in buses {
+            let is_can = bus < Board::chosen().rs485_bus();
+            let of_bus = wire::Use::of(passages, is_can, bitrate);
+            // Tenths of a bit.
+            let tenths = |nanos: u64| nanos * u64::from(bitrate) / 100_000_000;
+            busy = busy.max(of_bus.busy);
+            if of_bus.answered.len() < usize::from(situation.per_bus) {
                 rates.insert(0);
             }
-            exchanges += by_id.values().sum::<u64>();
-            rates.extend(by_id.into_values().map(|count| count * 10_000_000_000 / nanos));
+            rates.extend(of_bus.answered.values().map(|count| count * 10_000_000_000 / nanos));
+            // On RS485 they are always the same.
+            if is_can || situation.buses == 1 {
+                bits += tenths(of_bus.exchanges_took);
+                exchanges += of_bus.answered.values().sum::<u64>();
+                gaps.extend(of_bus.gaps.into_iter().map(tenths));
+            }
         }
+        let bits = per(bits, exchanges);
+        let assumed = u64::from(motors.exchange_bits()) * 10;
+        assert!(
+            exchanges == 0 || bits.abs_diff(assumed) * ASSUMED_WITHIN <= assumed,
+            "{situation}: {bits} tenths of a bit, the limit is that of {assumed}"
+        );
         let tenths_hz = *rates.first().expect("a bus");
         let limit_tenths = 10_000_000 / u64::from(situation.wire_us());
-        let periods = u64::from(PERIODS);
+        let periods = u64::from(periods(situation));
         let told = events.len() as u64 * 1_000 / periods;
         // What has come before the first that is told here counts where nothing was told before.
         let ends = before.last().or(events.first()).zip(events.last());
@@ -450,7 +407,7 @@ impl Row {
                 situation.period_us().into(),
                 tenths_hz,
                 tenths_hz * 1_000 / limit_tenths,
-                per(wire / 100, exchanges),
+                bits,
                 busy * 1_000 / nanos,
                 told,
                 overran(|overruns| overruns.bus),
@@ -461,6 +418,7 @@ impl Row {
                 per(instructions, axis_cycles),
                 instructions * 1_000_000 / (nanos * (speed / 1_000_000)),
             ],
+            gaps: wire::distribution(gaps).filter(|_| situation.is_always_due()),
         }
     }
 }

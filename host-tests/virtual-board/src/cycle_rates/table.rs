@@ -4,10 +4,13 @@ use std::fmt;
 
 use crate::sections::{COMMENT, Malformed, SEPARATOR, lines, not_committed, not_measured};
 
-/// By how much a rate may fall, and what a cycle costs may grow: a fiftieth, and a twentieth.
+/// By how much a rate may fall, and what a cycle costs may grow: a fiftieth, and a twentieth. So may
+/// a gap.
 const RATE_TOLERANCE: u64 = 50;
 const COST_TOLERANCE: u64 = 20;
-/// How many columns there are.
+/// And by how much the gap of 99 in 100 may grow: tenths of a bit, where that is more.
+const GAP_TOLERANCE: u64 = 20;
+/// How many columns every line has.
 const COLUMNS: usize = 13;
 /// The places of what is compared.
 const RATE: usize = 1;
@@ -29,6 +32,10 @@ const HEADS: [&str; COLUMNS] = [
     "load o/oo",
 ];
 
+const GAP_HEADS: [&str; 3] = ["gap p50", "gap p99", "gap max"];
+/// In the place of gaps.
+const NONE: &str = "-";
+
 /// A free-running cycle at one speed of the core.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
@@ -38,6 +45,9 @@ pub struct Row {
     pub speed: u64,
     /// The columns.
     pub values: [u64; COLUMNS],
+    /// Where a request was always due: tenths of bits that the bus was free ahead of one beyond what
+    /// must be, median, the 99th of 100 and the greatest.
+    pub gaps: Option<[u64; GAP_HEADS.len()]>,
 }
 
 /// What was measured of one image.
@@ -74,6 +84,14 @@ impl Row {
                 self.name()
             ));
         }
+        if let (Some([_, gap, _]), Some([_, before, _])) = (self.gaps, committed.gaps)
+            && gap > before + (before / COST_TOLERANCE).max(GAP_TOLERANCE)
+        {
+            complaints.push(format!(
+                "{}: the gap grew by more than 5 % and 2 bits, from {before} to {gap} tenths",
+                self.name()
+            ));
+        }
         complaints
     }
 }
@@ -87,9 +105,15 @@ impl Table {
                 return Err(Malformed { line });
             };
             let number = |text: &&str| text.parse().map_err(|_| Malformed { line });
-            let values: Vec<u64> = values.iter().map(number).collect::<Result<_, _>>()?;
-            let values = values.try_into().map_err(|_| Malformed { line })?;
-            Ok(Row { what: what.to_owned(), speed: number(&speed)?, values })
+            let numbers =
+                |texts: &[&str]| texts.iter().map(number).collect::<Result<Vec<u64>, _>>();
+            let (values, gaps) = values.split_at_checked(COLUMNS).ok_or(Malformed { line })?;
+            let values = numbers(values)?.try_into().map_err(|_| Malformed { line })?;
+            let gaps = match gaps {
+                [NONE, NONE, NONE] => None,
+                gaps => Some(numbers(gaps)?.try_into().map_err(|_| Malformed { line })?),
+            };
+            Ok(Row { what: what.to_owned(), speed: number(&speed)?, values, gaps })
         };
         let rows = lines(text).map(row).collect::<Result<_, _>>()?;
         Ok(Self { rows, stages: Vec::new() })
@@ -117,11 +141,18 @@ impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let width = self.rows.iter().map(|row| row.what.len()).max().unwrap_or_default();
         write!(f, "{:width$} {SEPARATOR} speed", format!("{COMMENT} axes x buses, delay"))?;
-        HEADS.iter().try_for_each(|head| write!(f, " {SEPARATOR} {head:>9}"))?;
+        let heads = HEADS.iter().chain(&GAP_HEADS);
+        heads.into_iter().try_for_each(|head| write!(f, " {SEPARATOR} {head:>9}"))?;
         writeln!(f)?;
-        for Row { what, speed, values } in &self.rows {
+        for Row { what, speed, values, gaps } in &self.rows {
             write!(f, "{what:width$} {SEPARATOR} {speed:>5}")?;
             values.iter().try_for_each(|value| write!(f, " {SEPARATOR} {value:>9}"))?;
+            match gaps {
+                Some(gaps) => {
+                    gaps.iter().try_for_each(|gap| write!(f, " {SEPARATOR} {gap:>9}"))?;
+                }
+                None => GAP_HEADS.iter().try_for_each(|_| write!(f, " {SEPARATOR} {NONE:>9}"))?,
+            }
             writeln!(f)?;
         }
         self.stages.iter().try_for_each(|stages| writeln!(f, "{COMMENT} {stages}"))
@@ -136,7 +167,7 @@ mod tests {
         let mut values = [7; COLUMNS];
         (values[RATE], values[COST]) = (rate, cost);
         Table {
-            rows: vec![Row { what: "4 x 2, 0 us".to_owned(), speed: 250, values }],
+            rows: vec![Row { what: "4 x 2, 0 us".to_owned(), speed: 250, values, gaps: None }],
             stages: Vec::new(),
         }
     }
@@ -146,6 +177,26 @@ mod tests {
         let written = table(10_000, 5_000);
         assert_eq!(Table::parse(&format!("# A comment.\n{written}")), Ok(written));
         assert_eq!(Table::parse("4 x 2 | 250 | 1"), Err(Malformed { line: 1 }));
+        let mut written = table(10_000, 5_000);
+        written.rows[0].gaps = Some([0, 10, 20]);
+        assert_eq!(Table::parse(&written.to_string()), Ok(written.clone()));
+        let short = written.to_string().replace("|        20", "");
+        assert_eq!(Table::parse(&short), Err(Malformed { line: 2 }));
+    }
+
+    #[test]
+    fn a_gap_that_grows_by_more_than_5_percent_and_2_bits_is_told() {
+        let with_gap = |gap| {
+            let mut table = table(10_000, 5_000);
+            table.rows[0].gaps = Some([0, gap, 2 * gap]);
+            table
+        };
+        let complaints = |gap, before| with_gap(gap).complaints(&with_gap(before), "").len();
+        assert_eq!(complaints(20, 0), 0);
+        assert_eq!(complaints(21, 0), 1);
+        assert_eq!(complaints(630, 600), 0);
+        assert_eq!(complaints(631, 600), 1);
+        assert_eq!(complaints(0, 600), 0);
     }
 
     #[test]
