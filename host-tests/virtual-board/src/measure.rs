@@ -92,7 +92,7 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
     let unconfigured = operations::idle_second(bench, &mut session);
     session.configure(bench);
     let configured = operations::idle_second(bench, &mut session);
-    vec![
+    let mut found = vec![
         ("idle second, unconfigured", unconfigured),
         ("idle second, 8 idle axes", configured),
         ("setpoint in, CAN frame out", operations::setpoint(bench, &mut session)),
@@ -100,7 +100,18 @@ fn run(bench: &mut Bench) -> Vec<(&'static str, Vec<Span>)> {
         ("e-stop in, first CAN frame out", operations::e_stop(bench, &mut session)),
         ("CAN reply in, state out", operations::state(bench, &mut session)),
         ("round over 8 axes", operations::round(bench, &mut session)),
-    ]
+    ];
+    session.calm(bench);
+    found.extend([
+        ("idle bus, 2 Mbaud: setpoint in, frame out", operations::setpoint(bench, &mut session)),
+        ("idle bus, 2 Mbaud: reply in, state out", operations::state(bench, &mut session)),
+    ]);
+    session.move_to_usb(bench);
+    found.extend([
+        ("idle bus, USB: setpoint in, frame out", operations::setpoint(bench, &mut session)),
+        ("idle bus, USB: reply in, state out", operations::state(bench, &mut session)),
+    ]);
+    found
 }
 
 /// Where the instructions of each operation go on a core of the higher speed, in a repetition of
@@ -182,7 +193,8 @@ fn measure_at(
 ) -> Vec<Measured> {
     let is_traced = functions.is_some();
     let runs = run(&mut Bench::power_on(board(), instructions_per_second, Vec::new()));
-    let traced = runs.iter().filter_map(|(_, spans)| last_of(spans).filter(|_| is_traced));
+    let traced = runs.iter().filter(|(what, _)| is_traced && !what.starts_with(table::IDLE_BUS));
+    let traced = traced.filter_map(|(_, spans)| last_of(spans));
     let traced = traced.collect();
     let (mut bench, operations) = count(board, instructions_per_second, &runs, traced, functions);
     let read_cycles = bench.read_cycles();
@@ -195,6 +207,7 @@ fn measure_at(
                 let (median, worst) = median_and_worst(costs.iter().map(|cost| cost.instructions));
                 row(what, "instructions, median", median);
                 row(what, "instructions, worst", worst);
+                let is_traced = is_traced && !what.starts_with(table::IDLE_BUS);
                 if let (true, Some(Cost { instructions, trace })) = (is_traced, costs.last()) {
                     for ((stage, _), count) in STAGES.iter().zip(trace.stages) {
                         row(what, &format!("of these {stage}, last"), count);
@@ -205,6 +218,9 @@ fn measure_at(
                 }
                 let (median, worst) = median_and_worst(spans.iter().map(Span::nanos));
                 row(what, "latency ns, median", median);
+                if let Some(p99) = p99(spans.iter().map(Span::nanos)) {
+                    row(what, "latency ns, p99", p99);
+                }
                 row(what, "latency ns, worst", worst);
             }
         }
@@ -248,9 +264,23 @@ fn median_and_worst(values: impl Iterator<Item = u64>) -> (u64, u64) {
     (values[(values.len() - 1) / 2], values[values.len() - 1])
 }
 
+/// What 99 of 100 do not exceed; nothing of less than 100.
+fn p99(values: impl Iterator<Item = u64>) -> Option<u64> {
+    let mut values: Vec<u64> = values.collect();
+    values.sort_unstable();
+    let at = (values.len() * 99).div_ceil(100).checked_sub(1)?;
+    values.get(at).copied().filter(|_| values.len() >= 100)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_100_values_one_is_beyond_the_99th() {
+        assert_eq!(p99((1..=100).rev()), Some(99));
+        assert_eq!(p99(1..=99), None);
+    }
 
     #[test]
     fn the_median_is_one_of_the_values() {

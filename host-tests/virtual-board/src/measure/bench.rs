@@ -18,8 +18,9 @@ use crate::machine::{Builder, CanPort, Line, Machine};
 use crate::nodes::instant;
 use crate::outside::Outside;
 use crate::rs485_line::BITS_PER_BYTE;
-use crate::usual;
+use crate::{usb_session, usual};
 use virtual_stm32::fdcan::FrameRecord;
+use virtual_stm32::usb::host::Packet;
 
 /// Axes, each with an RMD motor: the first half on bus 0, the other on bus 1.
 pub(super) const AXES: u8 = 8;
@@ -74,10 +75,24 @@ pub(super) struct Exchange {
     pub(super) frames: [Vec<FrameRecord>; 2],
 }
 
+/// From a packet's begin to the end of its acknowledgement on USB, without its bytes (USB 2.0 §8.4,
+/// §7.1.18), and the bits of a microsecond.
+const PACKET_BITS: u64 = 35 + 7 + 19;
+const USB_BITS_PER_US: u64 = 12;
+/// How often it is looked whether a packet on USB has been taken.
+const LOOK: Duration = Duration::from_micros(1);
+
+/// What the computer speaks on.
+#[derive(Clone, Copy)]
+enum Link {
+    Uart(Line<HostUart>),
+    Usb,
+}
+
 /// The board and the computer.
 pub(super) struct Bench {
     machine: Machine,
-    host: Line<HostUart>,
+    link: Link,
     inbox: Inbox,
     sequence: u16,
     /// Where to look at the instruction count, in order.
@@ -113,10 +128,10 @@ impl Bench {
         let mut machine = board.power_on();
         machine.run_for(STARTED);
         stack::paint_anew(&mut machine);
-        let (host, inbox) = (outside.hosts[0], Inbox::default());
+        let (link, inbox) = (Link::Uart(outside.hosts[0]), Inbox::default());
         Self {
             machine,
-            host,
+            link,
             inbox,
             sequence: 1,
             marks: marks.into(),
@@ -190,11 +205,8 @@ impl Bench {
     ) -> Exchange {
         self.run_to(at);
         let begin = self.now();
-        let host = self.machine.line(self.host);
-        let bit_ps = host.settings().bit_ps;
-        let lasts =
-            |bytes: usize| Duration::from_nanos(bit_ps * BITS_PER_BYTE * bytes as u64 / 1_000);
-        self.inbox.read(&host.take_timed(), lasts(1));
+        self.take_answers();
+        self.take_frames();
         let first = self.sequence;
         let mut sent = 0;
         let mut asked = Vec::new();
@@ -202,15 +214,24 @@ impl Bench {
             let mut frame = [0; MAX_FRAME];
             let length =
                 request.encode_frame(self.sequence, &mut frame).expect("a request of the table");
-            host.send(&frame[..length]);
             sent += length;
-            asked.push(begin + lasts(sent));
             self.sequence = self.sequence.wrapping_add(1);
+            match self.link {
+                Link::Uart(host) => {
+                    self.machine.line(host).send(&frame[..length]);
+                    asked.push(begin + self.lasts(sent));
+                }
+                Link::Usb => {
+                    self.machine.usb().send(&frame[..length]);
+                    while self.machine.usb().unsent() > 0 {
+                        self.run_to(self.now() + LOOK);
+                    }
+                    asked.push(self.now());
+                }
+            }
         }
-        self.take_frames();
         self.run_to(end);
-        let received = self.machine.line(self.host).take_timed();
-        let mut answers = self.inbox.read(&received, lasts(1));
+        let mut answers = self.take_answers();
         let answers =
             asked.into_iter().zip(first..).zip(requests).map(|((asked, sequence), request)| {
                 let at = answers.iter().position(|answer| answer.sequence == sequence);
@@ -221,6 +242,44 @@ impl Bench {
                 Answer { asked, first_bit, end, reply }
             });
         Exchange { begin, answers: answers.collect(), frames: self.take_frames() }
+    }
+
+    /// What so many bytes to or from the board take on the line; those of a packet on USB count as
+    /// one instant.
+    fn lasts(&mut self, bytes: usize) -> Duration {
+        let Link::Uart(host) = self.link else { return Duration::ZERO };
+        let bit_ps = self.machine.line(host).settings().bit_ps;
+        Duration::from_nanos(bit_ps * BITS_PER_BYTE * bytes as u64 / 1_000)
+    }
+
+    fn take_answers(&mut self) -> Vec<Reading> {
+        let byte = self.lasts(1);
+        let received = match self.link {
+            Link::Uart(host) => self.machine.line(host).take_timed(),
+            Link::Usb => {
+                let packets = self.machine.usb().take_packets();
+                let bytes = |Packet { at, data }: Packet| {
+                    let bits = PACKET_BITS + 8 * data.len() as u64;
+                    let at = at - Duration::from_nanos(bits * 1_000 / USB_BITS_PER_US);
+                    data.into_iter().map(move |byte| Received { at, byte })
+                };
+                packets.into_iter().flat_map(bytes).collect()
+            }
+        };
+        self.inbox.read(&received, byte)
+    }
+
+    /// Has the computer's line run at another rate from now on.
+    pub(super) fn set_baud(&mut self, baud: u32) {
+        let Link::Uart(host) = self.link else { unreachable!("USB has no rate") };
+        self.machine.line(host).set_baud(baud);
+    }
+
+    /// Has the computer speak over USB from an instant on.
+    pub(super) fn plug_usb(&mut self, at: Duration) {
+        self.run_to(at);
+        usb_session::connect(&mut self.machine);
+        self.link = Link::Usb;
     }
 
     fn take_frames(&mut self) -> [Vec<FrameRecord>; 2] {
@@ -301,7 +360,7 @@ mod tests {
             "{exchange:?}"
         );
         // The last byte has been on its way for all its ten bits then, not for one more or less.
-        let host = bench.host;
+        let Link::Uart(host) = bench.link else { unreachable!("as it begins") };
         bench.exchange(ms(40), ms(40), &[]);
         bench.machine.line(host).send(&[0; 12]);
         bench.run_to(ms(40) + took.mul_f64(10.9 / 12.0));

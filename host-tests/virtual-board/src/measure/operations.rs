@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use host_protocol::requests::{
     Arm, Clear, ConfigureAxis, ConfigureBus, ConfigureGateway, EStop, Hello, Ping,
-    ProvisionMotorTimeout, ReadState, ReleaseAuthority, Setpoint, Stop,
+    ProvisionMotorTimeout, ReadState, ReleaseAuthority, SetBaud, Setpoint, Stop,
 };
 use host_protocol::{
     AxisParameter, ClearTarget, GatewayParameter, PROTOCOL_MAJOR, PROTOCOL_MINOR, Protocol,
@@ -26,6 +26,13 @@ const PHASE: Duration = Duration::from_micros(201);
 const PERIOD: Duration = Duration::from_millis(30);
 /// What the gateway and its motors have to do within it is done by then.
 const WINDOW: Duration = Duration::from_millis(20);
+/// The same two on a bus that is idle: a control loop's.
+const LOOP_PERIOD: Duration = Duration::from_millis(10);
+const LOOP_WINDOW: Duration = Duration::from_millis(8);
+/// What the gateway sends by itself is so far apart then.
+const RARELY: Duration = Duration::from_secs(1);
+/// The rate of that loop's line.
+const LOOP_BAUD: u32 = 2_000_000;
 /// Between two steps of the set-up.
 const STEP: Duration = Duration::from_millis(40);
 /// Between the repetitions of a stop: arming, turning, stopping until the motor is seen to stand.
@@ -67,15 +74,17 @@ pub(super) struct Session {
     clock_lead: Duration,
     /// When something else may begin.
     free: Duration,
+    /// Between two repetitions, and what comes of one within it.
+    period: Duration,
+    window: Duration,
 }
 
 impl Session {
     /// Says hello to a board that starts.
     pub(super) fn open(bench: &mut Bench) -> Self {
-        let mut session = Self { clock_lead: Duration::ZERO, free: START };
-        let hello =
-            Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session: 1 };
-        session.ask(bench, hello);
+        let mut session =
+            Self { clock_lead: Duration::ZERO, free: START, period: PERIOD, window: WINDOW };
+        session.ask(bench, hello(1));
         let Answer { asked, reply, .. } = session.ask(bench, Ping {});
         let Reply::Ping(pong) = reply else { unreachable!("the reply of a ping") };
         // Somewhen between the ping's arrival and its answer: near enough for an expiry.
@@ -121,6 +130,31 @@ impl Session {
         self.ask(bench, ReleaseAuthority {});
     }
 
+    /// Leaves the buses to a control loop, whose line is fast: nothing else is sent but what the
+    /// gateway asks once a second.
+    pub(super) fn calm(&mut self, bench: &mut Bench) {
+        for axis in 0..AXES {
+            let rare =
+                [AxisParameter::RefreshUs, AxisParameter::StatePollUs, AxisParameter::FaultPollUs];
+            for parameter in rare {
+                let (parameter, value) = (parameter.number(), Value::Unsigned(micros(RARELY)));
+                self.ask(bench, ConfigureAxis { axis, parameter, value });
+            }
+        }
+        self.ask(bench, SetBaud { baud: LOOP_BAUD });
+        bench.set_baud(LOOP_BAUD);
+        self.ask(bench, Ping {});
+        (self.period, self.window) = (LOOP_PERIOD, LOOP_WINDOW);
+    }
+
+    /// The loop goes on over USB.
+    pub(super) fn move_to_usb(&mut self, bench: &mut Bench) {
+        self.ask(bench, ReleaseAuthority {});
+        bench.plug_usb(self.free);
+        self.free = bench.now() + STEP;
+        self.ask(bench, hello(2));
+    }
+
     /// One step of a set-up.
     fn ask(&mut self, bench: &mut Bench, request: impl Into<Request>) -> Answer {
         let begin = self.free;
@@ -159,9 +193,9 @@ impl Session {
     /// When the repetitions of what leaves the motors turning begin. The session goes on behind the
     /// last.
     fn repetitions(&mut self) -> impl Iterator<Item = Duration> + use<> {
-        let first = self.free;
-        self.free += (PERIOD + PHASE) * PHASES;
-        (0..PHASES).map(move |phase| first + (PERIOD + PHASE) * phase)
+        let (first, apart) = (self.free, self.period + PHASE);
+        self.free += apart * PHASES;
+        (0..PHASES).map(move |phase| first + apart * phase)
     }
 
     /// Stops motors one after the other and sees that they stand.
@@ -242,6 +276,10 @@ impl Turning {
     }
 }
 
+fn hello(session: u32) -> Hello {
+    Hello { protocol_major: PROTOCOL_MAJOR, protocol_minor: PROTOCOL_MINOR, session }
+}
+
 /// A second in which nobody says anything.
 pub(super) fn idle_second(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let from = session.free;
@@ -255,10 +293,10 @@ pub(super) fn idle_second(bench: &mut Bench, session: &mut Session) -> Vec<Span>
 /// frame.
 pub(super) fn setpoint(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let mut axes = session.turn(bench, [0]);
-    let axis = &mut axes[0];
+    let (axis, window) = (&mut axes[0], session.window);
     let repeat = |begin: Duration| {
         let request = axis.faster(begin);
-        let exchange = bench.exchange(begin, begin + WINDOW, &[request]);
+        let exchange = bench.exchange(begin, begin + window, &[request]);
         let (frame, _) = axis.new_setpoint(&exchange);
         Span { from: exchange.answers[0].asked, to: since_start(frame.start) }
     };
@@ -314,10 +352,10 @@ pub(super) fn e_stop(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
 /// first bit of the answer on the host UART.
 pub(super) fn state(bench: &mut Bench, session: &mut Session) -> Vec<Span> {
     let axes = session.turn(bench, [0]);
-    let axis = &axes[0];
+    let (axis, window) = (&axes[0], session.window);
     let repeat = |begin: Duration| {
         let exchange =
-            bench.exchange(begin, begin + WINDOW, &[ReadState { axis: axis.axis }.into()]);
+            bench.exchange(begin, begin + window, &[ReadState { axis: axis.axis }.into()]);
         let Answer { asked, first_bit, .. } = exchange.answers[0];
         let replies = axis.replies(&exchange.frames[axis.bus]).map(|(valid, _)| valid);
         let reply = replies.take_while(|valid| *valid < first_bit).last();
