@@ -363,8 +363,11 @@ fn a_second_of_full_load_loses_nothing() {
     full_load(Duration::from_secs(1));
 }
 
+/// By hand, for a minute unless told otherwise.
 #[test]
 #[ignore = "takes long: .ci/virtual-board load"]
 fn a_minute_of_full_load_loses_nothing() {
-    full_load(Duration::from_secs(60));
+    let seconds = std::env::var("LOAD_SECONDS")
+        .map_or(60, |seconds| seconds.parse().expect("a number of seconds"));
+    full_load(Duration::from_secs(seconds));
 }
