@@ -15,11 +15,12 @@ mod turns;
 pub use situation::Situation;
 pub use table::{Row, Table, Times};
 
+use std::ops::Range;
 use std::panic::resume_unwind;
 use std::path::Path;
 use std::sync::Mutex;
-use std::thread;
 use std::time::Duration;
+use std::{slice, thread};
 
 use host_protocol::StopTarget;
 use host_protocol::requests::{EStop, Stop};
@@ -34,7 +35,7 @@ use situation::{Bus, Load};
 /// Phases that a run in CI looks at, at each speed.
 pub const FEW_PHASES: [u32; SPEEDS.len()] = [20, 5];
 
-/// What one board measures: the situations of one bus at one speed.
+/// What one board measures: the situations of one bus, or of many together, at one speed.
 struct Task {
     speed: usize,
     bus: Bus,
@@ -249,26 +250,30 @@ fn times(
     phases: u32,
 ) -> Vec<Option<Duration>> {
     let after = situation.offset(phase, phases);
-    let stops = |line: Line, axes| {
+    let stops = |line: Line, axes: &[Range<u8>]| {
         rig.react(after, &line.cause(rig, situation, phase, after), line.bound(situation), axes)
     };
-    let first = |stops: Vec<Option<Duration>>| stops.into_iter().flatten().min();
-    let last = |stops: Vec<Option<Duration>>| {
-        stops.into_iter().collect::<Option<Vec<_>>>().and_then(|stops| stops.into_iter().max())
+    // Of the first stops of the buses the last: each has its bound.
+    let first = |stops: Vec<Vec<Option<Duration>>>| {
+        let firsts = stops.into_iter().map(|stops| stops.into_iter().flatten().min());
+        firsts.collect::<Option<Vec<_>>>().and_then(|firsts| firsts.into_iter().max())
     };
-    let winners = 0..situation.winners();
+    let last = |stops: Vec<Vec<Option<Duration>>>| {
+        let stops = stops.into_iter().flatten().collect::<Option<Vec<_>>>();
+        stops.and_then(|stops| stops.into_iter().max())
+    };
+    let counted = situation.counted();
     // One branch for both.
     let mut of_e_stop = None;
-    let mut of_e_stop =
-        || of_e_stop.get_or_insert_with(|| stops(Line::Last, winners.clone())).clone();
+    let mut of_e_stop = || of_e_stop.get_or_insert_with(|| stops(Line::Last, &counted)).clone();
     let took = |line: &Line| match line {
         Line::One => {
             let axis = situation.stopped(phase);
-            first(stops(Line::One, axis..axis + 1))
+            first(stops(Line::One, slice::from_ref(&(axis..axis + 1))))
         }
         Line::First => first(of_e_stop()),
         Line::Last => last(of_e_stop()),
-        Line::All | Line::Expired => first(stops(*line, winners.clone())),
+        Line::All | Line::Expired => first(stops(*line, &counted)),
     };
     lines.iter().map(took).collect()
 }

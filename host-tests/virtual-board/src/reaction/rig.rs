@@ -21,7 +21,7 @@ use mgw_sim::MotorWiring;
 use super::computers::{
     BITS_PER_BYTE, Cause, SEQUENCE, computer, each_frame, flood, garbage, told,
 };
-use super::situation::{Bus, Load, Place, Situation};
+use super::situation::{Bus, Load, Part, Place, Situation};
 use super::stops::{self, FirstStops};
 use super::{trace, turns};
 use crate::board::{Board, serial_port};
@@ -53,6 +53,8 @@ const LASTS: Duration = Duration::from_millis(400);
 const SOON: Duration = Duration::from_millis(2);
 /// How long after a bound a stop that is late is still waited for.
 const PATIENCE: Duration = Duration::from_millis(100);
+/// The rate of its line where many buses run a cycle.
+const CYCLE_BAUD: u32 = 3_000_000;
 /// What the host is told of every axis in each period of a cycle.
 const CYCLE_FIELDS: StateFields =
     StateFields::of(&[StateField::Position, StateField::Velocity, StateField::Current]);
@@ -101,14 +103,17 @@ pub(super) struct Rig {
 
 /// A board with what hangs on it, not yet switched on.
 fn wired(board: &dyn Fn() -> Builder, bus: Bus) -> (Builder, Outside, [CanNode<Probe>; 2]) {
-    let motor = |node| MotorWiring {
-        bus: bus.index(),
-        protocol: bus.protocol(),
-        node,
-        bitrate: bus.bitrate(),
-        can_id: None,
+    let motors = |part: Part| {
+        let (bus, index) = (part.bus, part.index);
+        part.nodes().map(move |(_, node)| MotorWiring {
+            bus: index,
+            protocol: bus.protocol(),
+            node,
+            bitrate: bus.bitrate(),
+            can_id: None,
+        })
     };
-    let motors: Vec<MotorWiring> = (0..bus.axes()).map(|axis| motor(bus.node(axis))).collect();
+    let motors: Vec<MotorWiring> = bus.parts().into_iter().flat_map(motors).collect();
     let mut board = board();
     let outside = Outside::connect(&mut board, &motors, SEED).expect("a sound wiring");
     let probes =
@@ -140,10 +145,24 @@ impl Stand {
         let build_id = client.hello().build_id.to_string();
         let rehearsed =
             |client: &mut _| if is_first { rehearse(client, situation) } else { Ok(()) };
-        let epoch = configure(&mut client, situation)
+        configure(&mut client, situation)
             .and_then(|()| rehearsed(&mut client))
-            .and_then(|()| arm(&mut client, situation))
             .unwrap_or_else(|error| panic!("{situation}: {error}"));
+        let mut rig = Rig {
+            situation,
+            machine: Rc::clone(&self.machine),
+            begin: Duration::ZERO,
+            build_id,
+            epoch: 0,
+            gateway_ahead_ns: OnceCell::new(),
+        };
+        if self.bus.is_of_many() {
+            // Before there is a load beside which a ping would wait.
+            drop(connect(1, 3));
+            rig.gateway_ahead_ns();
+        }
+        rig.epoch =
+            arm(&mut client, situation).unwrap_or_else(|error| panic!("{situation}: {error}"));
         // Known there, but without a say.
         drop((client, connect(1, 2)));
         {
@@ -166,8 +185,9 @@ impl Stand {
                 }
             }
             machine.run_for(SETTLED);
-            for port in [CanPort::Bus0, CanPort::Bus1] {
-                machine.can_mut(port).take_log();
+            let ports = machine.board().can_ports;
+            for port in ports {
+                machine.can_mut(*port).take_log();
             }
             machine.line(self.outside.rs485).clear_sent();
             if situation.load == Load::All {
@@ -177,10 +197,6 @@ impl Stand {
                 });
             }
         }
-        let machine = Rc::clone(&self.machine);
-        let begin = Duration::ZERO;
-        let gateway_ahead_ns = OnceCell::new();
-        let mut rig = Rig { situation, machine, begin, build_id, epoch, gateway_ahead_ns };
         match situation.load {
             Load::Own | Load::Cycle | Load::Foreign(Place::BehindAll) | Load::All => {}
             Load::Quiet | Load::Hosts(_) => rig.begin = rig.quiet_spell(),
@@ -272,19 +288,21 @@ impl Rig {
     }
 
     /// Has `cause` come, so long after the begin of the situation, in a branch of the run. From
-    /// then on to the first stop of each of these axes. Most branches end soon after the bound;
+    /// then on to the first stop of each of these axes, bus by bus. Most branches end soon after the bound;
     /// one whose stops have not all come by then is run once more, for longer.
     pub(super) fn react(
         &self,
         after: Duration,
         cause: &Cause,
         bound: Duration,
-        axes: Range<u8>,
-    ) -> Vec<Option<Duration>> {
-        let among =
-            |stops: FirstStops| stops[usize::from(axes.start)..usize::from(axes.end)].to_vec();
+        axes: &[Range<u8>],
+    ) -> Vec<Vec<Option<Duration>>> {
+        let among = |stops: FirstStops| {
+            let of = |axes: &Range<u8>| stops[axes.start.into()..axes.end.into()].to_vec();
+            axes.iter().map(of).collect::<Vec<_>>()
+        };
         let soon = among(self.first_stops_within(after, cause, bound + SOON));
-        if soon.iter().all(Option::is_some) {
+        if soon.iter().flatten().all(Option::is_some) {
             return soon;
         }
         among(self.first_stops_within(after, cause, bound + PATIENCE))
@@ -309,11 +327,13 @@ impl Rig {
     /// The same; what the bus carried meanwhile, as text.
     pub(super) fn trace(&self, after: Duration, cause: &Cause, bound: Duration) -> String {
         let bus = self.situation.bus;
-        let found =
-            self.branch(after, cause, bound + PATIENCE, move |part, since| match bus.index() {
-                _ if !bus.is_can() => trace::of_bytes(line(part).sent(), since).into_bytes(),
-                bus => trace::of_frames(part.fdcan(usize::from(bus)).log(), since).into_bytes(),
-            });
+        let found = self.branch(after, cause, bound + PATIENCE, move |part, since| {
+            let carried = |Part { index, .. }| match usize::from(index) {
+                _ if !bus.is_can() => trace::of_bytes(line(part).sent(), since),
+                bus => trace::of_frames(part.fdcan(bus).log(), since),
+            };
+            bus.counted().into_iter().map(carried).collect::<Vec<_>>().join("\n").into_bytes()
+        });
         String::from_utf8(found).expect("it was text")
     }
 
@@ -398,23 +418,30 @@ fn line(part: &mut Chip) -> &mut Rs485Line {
 }
 
 fn first_stops(part: &mut Chip, bus: Bus, since: Duration) -> FirstStops {
-    match bus.index() {
-        _ if !bus.is_can() => stops::among_bytes(line(part).sent(), since),
-        bus => stops::among_frames(part.fdcan(usize::from(bus)).log(), since),
+    let mut stops = FirstStops::default();
+    for Part { index, axes, .. } in bus.counted() {
+        let of_bus = match usize::from(index) {
+            _ if !bus.is_can() => stops::among_bytes(line(part).sent(), since),
+            bus => stops::among_frames(part.fdcan(bus).log(), since),
+        };
+        let axes = usize::from(axes.start)..usize::from(axes.end);
+        stops[axes.clone()].copy_from_slice(&of_bus[..axes.len()]);
     }
+    stops
 }
 
 fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Result<(), ClientError> {
     let Situation { bus, load } = situation;
     let us = |span: Duration| u32::try_from(span.as_micros()).expect("a minute");
     client.configure_gateway(GatewayParameter::LinkSilenceUs, Value::Unsigned(LINK_SILENCE_US))?;
-    client.configure_bus(
-        bus.index(),
-        bus.bitrate(),
-        ProtocolSet::of(&[bus.protocol()]),
-        false,
-        REPLY_WINDOW,
-    )?;
+    for part in bus.parts() {
+        let protocols = ProtocolSet::of(&[part.bus.protocol()]);
+        client.configure_bus(part.index, part.bus.bitrate(), protocols, false, REPLY_WINDOW)?;
+    }
+    if bus.is_of_many() {
+        // A slower line carries no event of so many axes in each period.
+        client.set_baud(CYCLE_BAUD)?;
+    }
     if load == Load::All {
         for (bus, bitrate) in [FLOODED_CAN, (Board::chosen().rs485_bus(), FLOODED_BAUD)] {
             usual::start_rmd_bus(client, bus, bitrate)?;
@@ -422,7 +449,11 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
     }
     let (refresh_us, poll_us) =
         if load == Load::Own { bus.busy_periods_us() } else { (RARELY_US, RARELY_US) };
-    for axis in 0..bus.axes() {
+    let places = |part: Part| {
+        let index = part.index;
+        part.nodes().map(move |(axis, node)| (axis, index, node))
+    };
+    for (axis, index, node) in bus.parts().into_iter().flat_map(places) {
         let values = [
             (AxisParameter::TtlUs, us(TTL)),
             (AxisParameter::RefreshUs, RARELY_US),
@@ -430,9 +461,9 @@ fn configure(client: &mut Client<BoardTransport>, situation: Situation) -> Resul
             (AxisParameter::FaultPollUs, RARELY_US),
             (AxisParameter::StopAction, StopAction::Hold.into()),
             (AxisParameter::Protocol, bus.protocol().into()),
-            (AxisParameter::Node, bus.node(axis).into()),
+            (AxisParameter::Node, node.into()),
             // From here on it counts on its bus.
-            (AxisParameter::Bus, bus.index().into()),
+            (AxisParameter::Bus, index.into()),
         ];
         usual::set_axis(client, axis, &values)?;
         if bus.protocol() != Protocol::D5 {
@@ -488,6 +519,8 @@ fn signed_ns(span: Duration) -> i128 {
 
 #[cfg(test)]
 mod tests {
+    use std::slice;
+
     use host_protocol::requests::EStop;
     use host_protocol::{Event, EventMessage};
 
@@ -507,10 +540,11 @@ mod tests {
         for load in [Load::Own, Load::Cycle, Load::Foreign(Place::BehindAll)] {
             let situation = Situation { bus: Bus::Can, load };
             let rig = stand.set_up(situation);
-            let stops = rig.react(Duration::ZERO, &e_stop(), situation.bound(16), 0..16);
-            assert!(stops.iter().all(Option::is_some), "{stops:?}");
+            let stops =
+                rig.react(Duration::ZERO, &e_stop(), situation.bound(16), &situation.counted());
+            assert!(stops.iter().flatten().all(Option::is_some), "{stops:?}");
             assert_eq!(
-                rig.react(Duration::ZERO, &e_stop(), situation.bound(16), 0..16),
+                rig.react(Duration::ZERO, &e_stop(), situation.bound(16), &situation.counted()),
                 stops,
                 "the board never knew"
             );
@@ -549,8 +583,9 @@ mod tests {
         let situation = Situation { bus: Bus::Can, load: Load::Foreign(Place::Middle) };
         let rig = Stand::new(&Machine::builder, situation.bus).set_up(situation);
         let (winners, axes) = (situation.winners(), situation.bus.axes());
-        let stops = rig.react(Duration::ZERO, &e_stop(), situation.bound(winners), 0..axes);
-        for (k, stop) in (1..=winners).zip(&stops) {
+        let (all, bound) = (0..axes, situation.bound(winners));
+        let stops = &rig.react(Duration::ZERO, &e_stop(), bound, slice::from_ref(&all))[0];
+        for (k, stop) in (1..=winners).zip(stops) {
             assert!(
                 stop.is_some_and(|at| at <= situation.bound(k)),
                 "{situation}: stop {k}: {stop:?}"

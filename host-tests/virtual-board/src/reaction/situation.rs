@@ -1,6 +1,7 @@
 //! What a bus is and what it carries when the command comes.
 
 use std::fmt;
+use std::ops::Range;
 use std::time::Duration;
 
 use host_protocol::Protocol;
@@ -11,6 +12,8 @@ use crate::board::Board;
 pub(super) const MOST_AXES: u8 = 16;
 /// Axes with D5 motors that the gateway takes on a bus: it sends each its setpoint every 20 ms.
 const D5_AXES: u8 = 11;
+/// Axes on each of many buses.
+const TOGETHER: u8 = 4;
 /// Our software (GUARANTEES G5: g).
 const SOFTWARE: Duration = Duration::from_micros(100);
 /// The first stop on a quiet CAN bus; on RS485 after it 20 idle bits.
@@ -42,6 +45,12 @@ pub(super) enum Bus {
     Rs485,
     /// RMD motors on RS485 at 2 Mbaud.
     FastRs485,
+    /// Four RMD motors on each CAN bus at 1 Mbit/s: all CAN buses count.
+    Cans,
+    /// The same, and four on RS485 at 2 Mbaud: the CAN buses count,
+    CansBesideRs485,
+    /// or RS485 does.
+    Rs485BesideCans,
 }
 
 /// What it carries.
@@ -99,6 +108,24 @@ impl Place {
     const ALL: [Self; 4] = [Self::BehindLowest, Self::Middle, Self::BeforeHighest, Self::BehindAll];
 }
 
+/// One bus with its axes, of what may be many.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Part {
+    pub(super) bus: Bus,
+    /// Its number.
+    pub(super) index: u8,
+    /// Its axes: the first has its first node.
+    pub(super) axes: Range<u8>,
+}
+
+impl Part {
+    /// The axes and their nodes.
+    pub(super) fn nodes(self) -> impl Iterator<Item = (u8, u8)> {
+        let first = self.axes.start;
+        self.axes.map(move |axis| (axis, self.bus.node(axis - first)))
+    }
+}
+
 /// A bus with its axes, and its load.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Situation {
@@ -107,34 +134,70 @@ pub struct Situation {
 }
 
 impl Bus {
-    pub(super) const ALL: [Self; 4] = [Self::Can, Self::SlowCan, Self::Rs485, Self::FastRs485];
+    pub(super) const ALL: [Self; 7] = [
+        Self::Can,
+        Self::SlowCan,
+        Self::Rs485,
+        Self::FastRs485,
+        Self::Cans,
+        Self::CansBesideRs485,
+        Self::Rs485BesideCans,
+    ];
 
-    /// Its number.
+    /// Whether there are axes on all CAN buses.
+    pub(super) fn is_of_many(self) -> bool {
+        matches!(self, Self::Cans | Self::CansBesideRs485 | Self::Rs485BesideCans)
+    }
+
+    /// Those of one bus each that there are together, in the order of their axes.
+    pub(super) fn parts(self) -> Vec<Part> {
+        if !self.is_of_many() {
+            return vec![Part { bus: self, index: self.index(), axes: 0..self.axes() }];
+        }
+        let rs485 = Board::chosen().rs485_bus();
+        let can = (0..rs485).map(|index| (Self::Can, index));
+        let line = (self != Self::Cans).then_some((Self::FastRs485, rs485));
+        let part = |((bus, index), first)| Part { bus, index, axes: first..first + TOGETHER };
+        can.chain(line).zip((0..).step_by(TOGETHER.into())).map(part).collect()
+    }
+
+    /// Those of them whose stops count.
+    pub(super) fn counted(self) -> Vec<Part> {
+        let parts = self.parts().into_iter();
+        parts.filter(|part| part.bus.is_can() == self.is_can()).collect()
+    }
+
+    /// The number of the first that counts.
     pub(super) fn index(self) -> u8 {
         match self {
-            Self::Can => 0,
+            Self::Can | Self::Cans | Self::CansBesideRs485 => 0,
             Self::SlowCan => 1,
-            Self::Rs485 | Self::FastRs485 => Board::chosen().rs485_bus(),
+            Self::Rs485 | Self::FastRs485 | Self::Rs485BesideCans => Board::chosen().rs485_bus(),
         }
     }
 
     pub(super) fn is_can(self) -> bool {
-        matches!(self, Self::Can | Self::SlowCan)
+        matches!(self, Self::Can | Self::SlowCan | Self::Cans | Self::CansBesideRs485)
     }
 
     pub(super) fn bitrate(self) -> u32 {
         match self {
-            Self::Can => 1_000_000,
+            Self::Can | Self::Cans | Self::CansBesideRs485 => 1_000_000,
             Self::SlowCan => 210_526,
             Self::Rs485 => 115_200,
-            Self::FastRs485 => 2_000_000,
+            Self::FastRs485 | Self::Rs485BesideCans => 2_000_000,
         }
     }
 
     pub(super) fn protocol(self) -> Protocol {
         match self {
             Self::SlowCan => Protocol::D5,
-            Self::Can | Self::Rs485 | Self::FastRs485 => Protocol::Rmd,
+            Self::Can
+            | Self::Rs485
+            | Self::FastRs485
+            | Self::Cans
+            | Self::CansBesideRs485
+            | Self::Rs485BesideCans => Protocol::Rmd,
         }
     }
 
@@ -149,9 +212,16 @@ impl Bus {
         base + u16::from(self.node(axis))
     }
 
-    /// Axes on it.
+    /// Axes on it; of many buses, on all of them.
     pub(super) fn axes(self) -> u8 {
-        if self == Self::SlowCan { D5_AXES } else { MOST_AXES }
+        match self {
+            Self::SlowCan => D5_AXES,
+            Self::Can | Self::Rs485 | Self::FastRs485 => MOST_AXES,
+            Self::Cans | Self::CansBesideRs485 | Self::Rs485BesideCans => {
+                let parts = self.parts();
+                parts.last().map_or(0, |part| part.axes.end)
+            }
+        }
     }
 
     /// Refresh and state polls of each axis with which they take what the gateway allows, µs. Each
@@ -162,13 +232,21 @@ impl Bus {
             Self::SlowCan => (20_000, 620_000),
             Self::Rs485 => (215_000, 215_000),
             Self::FastRs485 => (28_000, 28_000),
+            Self::Cans | Self::CansBesideRs485 | Self::Rs485BesideCans => {
+                unreachable!("a cycle is all that they carry")
+            }
         }
     }
 
-    /// The period of a free-running cycle of all axes that fills a CAN bus: 16 exchanges of 236
-    /// bits, and 11 of 254 bits, 5 % beside.
+    /// The period of a free-running cycle of all axes that fills a CAN bus: 16 or 4 exchanges of
+    /// 236 bits, and 11 of 254 bits, 5 % beside. RS485 takes more for its four, as its motors answer
+    /// in turn: it has no pause.
     pub(super) fn cycle_period(self) -> Duration {
-        Duration::from_micros(if self == Self::SlowCan { 14_000 } else { 3_965 })
+        Duration::from_micros(match self {
+            Self::SlowCan => 14_000,
+            _ if self.is_of_many() => 992,
+            _ => 3_965,
+        })
     }
 
     fn bits(self, bits: u32) -> Duration {
@@ -185,12 +263,16 @@ impl Situation {
     /// Every one that the table has.
     pub(super) fn all() -> Vec<Self> {
         let loads = |bus: Bus| {
-            let places: &[Place] = if bus.is_can() { &Place::ALL } else { &[] };
+            let is_alone = bus.is_can() && !bus.is_of_many();
+            let places: &[Place] = if is_alone { &Place::ALL } else { &[] };
             let foreign = places.iter().map(|place| Load::Foreign(*place));
             let floods: &[Load] = if bus == Bus::Can { &Load::FLOODS } else { &[] };
-            let cycle: &[Load] = if bus.is_can() { &[Load::Cycle] } else { &[] };
-            let own = [Load::Quiet, Load::Own].into_iter().chain(cycle.iter().copied());
-            let loads = own.chain(foreign).chain(floods.iter().copied());
+            let own: &[Load] = match (bus.is_of_many(), bus.is_can()) {
+                (true, _) => &[Load::Cycle],
+                (_, true) => &[Load::Quiet, Load::Own, Load::Cycle],
+                (_, false) => &[Load::Quiet, Load::Own],
+            };
+            let loads = own.iter().copied().chain(foreign).chain(floods.iter().copied());
             loads.map(move |load| Self { bus, load })
         };
         Bus::ALL.into_iter().flat_map(loads).collect()
@@ -215,9 +297,16 @@ impl Situation {
         }
     }
 
-    /// How many axes, from the first, win against the load; the stops of the others have no bound.
+    /// The axes whose stops count and win against the load, bus by bus; the others have no bound.
+    pub(super) fn counted(self) -> Vec<Range<u8>> {
+        let axes =
+            |part: Part| part.axes.start..part.axes.end.min(part.axes.start + self.winners());
+        self.bus.counted().into_iter().map(axes).collect()
+    }
+
+    /// How many axes of a bus, from its first, win against the load.
     pub(super) fn winners(self) -> u8 {
-        let axes = self.bus.axes();
+        let axes = if self.bus.is_of_many() { TOGETHER } else { self.bus.axes() };
         match self.load {
             Load::Foreign(Place::BehindLowest) => 1,
             Load::Foreign(Place::Middle) => axes / 2,
@@ -239,7 +328,8 @@ impl Situation {
 
     /// The axis that is stopped alone in a phase.
     pub(super) fn stopped(self, phase: u32) -> u8 {
-        u8::try_from(phase % u32::from(self.winners())).expect("small")
+        let axes: Vec<u8> = self.counted().into_iter().flatten().collect();
+        axes[phase as usize % axes.len()]
     }
 
     /// The id of the load: right behind the last of those that win against it.
@@ -271,7 +361,13 @@ impl Situation {
 
 impl fmt::Display for Situation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let kind = if self.bus.is_can() { "CAN" } else { "RS485" };
+        let kind = match self.bus {
+            Bus::Can | Bus::SlowCan => "CAN",
+            Bus::Rs485 | Bus::FastRs485 => "RS485",
+            Bus::Cans => "all CAN",
+            Bus::CansBesideRs485 => "all CAN + RS485",
+            Bus::Rs485BesideCans => "RS485 + all CAN",
+        };
         let load = match self.load {
             Load::Quiet => "quiet",
             Load::Own => "own",
@@ -315,6 +411,28 @@ mod tests {
         assert_bound(Bus::FastRs485, Load::Quiet, 1, 210.0);
         assert_bound(Bus::Can, Load::Hosts(Flood::Garbage), 1, 235.0);
         assert_bound(Bus::Can, Load::All, 16, 100.0 + 31.0 * 135.0);
+        assert_bound(Bus::Cans, Load::Cycle, 4, 100.0 + 7.0 * 135.0);
+        assert_bound(Bus::CansBesideRs485, Load::Cycle, 1, 235.0);
+        assert_bound(Bus::Rs485BesideCans, Load::Cycle, 4, 4630.0);
+    }
+
+    /// What counts is what the name of a line begins with; every axis has a place.
+    #[test]
+    fn of_many_buses_those_count_that_are_named() {
+        let counted = |bus| Situation { bus, load: Load::Cycle }.counted();
+        let cans: u8 = Board::chosen().rs485_bus();
+        let of_cans: Vec<_> = (0..cans).map(|bus| bus * 4..bus * 4 + 4).collect();
+        assert_eq!(counted(Bus::Cans), of_cans);
+        assert_eq!(counted(Bus::CansBesideRs485), of_cans);
+        assert!(counted(Bus::Rs485BesideCans).into_iter().flatten().eq(cans * 4..cans * 4 + 4));
+        assert_eq!((Bus::Cans.axes(), Bus::CansBesideRs485.axes()), (cans * 4, cans * 4 + 4));
+        let line = Bus::Rs485BesideCans.parts().pop().unwrap();
+        assert_eq!(line.index, cans);
+        assert_eq!(line.nodes().map(|(_, node)| node).collect::<Vec<_>>(), [1, 2, 3, 4]);
+        assert_eq!(
+            Situation { bus: Bus::Rs485BesideCans, load: Load::Cycle }.stopped(5),
+            cans * 4 + 1
+        );
     }
 
     /// The ids of the axes are 0x141 to 0x15F, and 1 to 21, every other one.
