@@ -4,8 +4,8 @@ use std::fmt;
 
 use crate::sections::{COMMENT, Malformed, SEPARATOR, lines, not_committed, not_measured};
 
-/// By how much a rate may fall, and what a cycle costs may grow: a fiftieth, and a twentieth. So may
-/// a gap.
+/// By how much a rate may fall, and what a cycle costs, or a gap, may grow: a fiftieth, and a
+/// twentieth.
 const RATE_TOLERANCE: u64 = 50;
 const COST_TOLERANCE: u64 = 20;
 /// And by how much the gap of 99 in 100 may grow: tenths of a bit, where that is more.
@@ -45,8 +45,8 @@ pub struct Row {
     pub speed: u64,
     /// The columns.
     pub values: [u64; COLUMNS],
-    /// Where a request was always due: tenths of bits that the bus was free ahead of one beyond what
-    /// must be, median, the 99th of 100 and the greatest.
+    /// Where a request was always due: tenths of bits that the bus was free ahead of one beyond
+    /// what must be, median, the 99th of 100 and the greatest.
     pub gaps: Option<[u64; GAP_HEADS.len()]>,
 }
 

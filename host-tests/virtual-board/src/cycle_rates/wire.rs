@@ -11,7 +11,8 @@ use crate::rs485_line::{Reply, SentByte};
 
 /// The part of an id that tells motors of a bus from each other.
 const NODE: u32 = 0xF;
-/// Where a message on RS485 has its node (RMD V3.6 §4), and the eight bytes that are those of a frame.
+/// Where a message on RS485 has its node (RMD V3.6 §4), and the eight bytes that are those of a
+/// frame.
 const NODE_AT: usize = 1;
 const DATA_AT: std::ops::Range<usize> = 3..11;
 
@@ -154,7 +155,7 @@ mod tests {
         assert_eq!(found.gaps, [7_000, 87_000]);
     }
 
-    /// On a line a reply is for whoever was asked last; 20 bits between two messages are the line's.
+    /// On a line a reply is of whoever was asked last; 20 bits between two messages must be.
     #[test]
     fn a_reply_on_a_line_is_to_the_last_request() {
         let passages = [

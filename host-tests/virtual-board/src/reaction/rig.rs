@@ -288,7 +288,8 @@ impl Rig {
     }
 
     /// Has `cause` come, so long after the begin of the situation, in a branch of the run. From
-    /// then on to the first stop of each of these axes, bus by bus. Most branches end soon after the bound;
+    /// then on to the first stop of each of these axes, bus by bus. Most branches end soon after the
+    /// bound;
     /// one whose stops have not all come by then is run once more, for longer.
     pub(super) fn react(
         &self,

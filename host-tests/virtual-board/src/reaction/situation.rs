@@ -239,8 +239,8 @@ impl Bus {
     }
 
     /// The period of a free-running cycle of all axes that fills a CAN bus: 16 or 4 exchanges of
-    /// 236 bits, and 11 of 254 bits, 5 % beside. RS485 takes more for its four, as its motors answer
-    /// in turn: it has no pause.
+    /// 236 bits, and 11 of 254 bits, 5 % beside. RS485 takes longer for its four, which answer in
+    /// turn: it has no pause.
     pub(super) fn cycle_period(self) -> Duration {
         Duration::from_micros(match self {
             Self::SlowCan => 14_000,
