@@ -1,10 +1,10 @@
-//! Whether the board's own clock runs at the start.
+//! Whether the board's own clock runs at the start, and the time driver behind it.
 //!
 //! The drivers would wait for it for ever. Without it the chip's oscillator takes its place: the
 //! motors on RS485 are stopped, and CAN, for which it is not exact enough, stays off.
 
 use embassy_stm32::pac::TIM2;
-use embassy_stm32::{peripherals, rcc};
+use embassy_stm32::{Config, Peripherals, peripherals, rcc};
 use host_protocol::BootReason;
 
 use crate::watchdog;
@@ -39,4 +39,19 @@ pub fn starts(boot: BootReason, core_hz: u32, is_ready: impl Fn() -> bool) -> bo
     });
     TIM2.cr1().modify(|w| w.set_cen(false));
     starts
+}
+
+/// [`embassy_stm32::init`], whose time driver then counts from 0.
+///
+/// The update that sets its prescaler is a match as well: the count and the compare value are 0. The
+/// driver would take that for the first half of the counter's range. Its time would be 65.5 ms ahead, and
+/// would fall back by that at each half, until the interrupt there is served: a time limit that is
+/// set meanwhile is over at once.
+pub fn init(config: Config) -> Peripherals {
+    cortex_m::interrupt::free(|_| {
+        let peripherals = embassy_stm32::init(config);
+        // Written as zeros they are cleared.
+        TIM2.sr().write_value(Default::default());
+        peripherals
+    })
 }

@@ -260,7 +260,7 @@ pub fn start(boot: BootReason, crash_report: &'static str) -> (Board, Ports) {
     let mut config = Config::default();
     let has_clock = crystal_swings(boot);
     set_clocks(&mut config.rcc, has_clock);
-    let p = embassy_stm32::init(config);
+    let p = clock::init(config);
     if has_clock {
         // Should it stop, the chip goes on with its oscillator and tells `has_lost_clock`.
         pac::RCC.cr().modify(|w| w.set_csson(true));

@@ -77,7 +77,7 @@ impl Stage {
             [UartPort::Host0, UartPort::Host1].map(|port| builder.line(port, HostUart::new()));
         let mut machine = builder.power_on();
         if let Some(ahead) = begin.as_micros().checked_sub(ready_us(usb)) {
-            machine.start_ahead(ahead);
+            machine.start_ahead(ahead, Builder::of(board, &images.firmware)?.power_on());
         }
         machine.run_for(START);
         if usb {

@@ -14,7 +14,7 @@ use mgw_cli::flight::{Replayed, play, told};
 use mgw_client::{Client, ClientError};
 use mgw_sim::{Injection, Turning};
 use virtual_board::board::Board;
-use virtual_board::machine::CanPort;
+use virtual_board::machine::{CanPort, Machine};
 use virtual_board::replay::replay;
 use virtual_board::transport::BoardTransport;
 use virtual_board::usb_session;
@@ -292,7 +292,7 @@ fn a_silent_motor_of_a_quiet_host() -> TripReason {
 fn what_came_over_usb_after_a_month() -> TripReason {
     let (board, outside, probes) = lab::wired(SEED);
     let mut machine = board.power_on();
-    machine.start_ahead(MONTH_US);
+    machine.start_ahead(MONTH_US, Machine::builder().power_on());
     machine.run_for(Duration::from_millis(200));
     usb_session::connect(&mut machine);
     let mut lab = Lab::around(machine, outside, probes);

@@ -18,6 +18,8 @@ use crate::lab::{AXES, BUS_RMD_AND_THRUSTER, D5, Lab, RMD, RMD_RS485, THRUSTER, 
 
 /// More than the start takes, USB included.
 pub const START: Duration = Duration::from_millis(60);
+/// What the clock counts, at a microsecond each.
+const HALF_OF_THE_TIMER: Duration = Duration::from_micros(1 << 15);
 
 #[test]
 fn a_start_by_the_rom_bootloader_runs_with_its_own_vector_table() {
@@ -25,6 +27,17 @@ fn a_start_by_the_rom_bootloader_runs_with_its_own_vector_table() {
     bench.machine.borrow_mut().run_for(START);
     let resets = bench.machine.borrow_mut().reports().resets;
     assert!(resets.is_empty(), "{resets:?}");
+}
+
+#[test]
+fn a_start_counts_no_half_of_the_timer_that_has_not_passed() {
+    let mut machine = Machine::builder().power_on();
+    machine.run_for(START);
+    // In both halves of the timer's range.
+    for half in 1..=4 {
+        assert_eq!(machine.clock_agrees(), (half, true));
+        machine.run_for(HALF_OF_THE_TIMER);
+    }
 }
 
 /// The control registers of DMA1 that take what host link 1 and the RS485 line hear: streams 2 and
