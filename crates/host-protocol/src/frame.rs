@@ -209,10 +209,7 @@ mod tests {
 
     #[test]
     fn the_checksum_of_bytes_is_that_of_the_crate_however_many_they_are() {
-        let mut bytes = [0; 70];
-        for (at, byte) in bytes.iter_mut().enumerate() {
-            *byte = (at * 73 % 251) as u8;
-        }
+        let bytes: [u8; 70] = core::array::from_fn(|at| u8::try_from(at * 73 % 251).unwrap());
         for length in 0..=bytes.len() {
             let bytes = &bytes[..length];
             assert_eq!(checksum_of(bytes), CHECKSUM.checksum(bytes), "{length} bytes");
