@@ -120,6 +120,42 @@ fn a_first_stop_that_cannot_leave_keeps_no_other_from_being_confirmed() {
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
 }
 
+/// The first stops of three motors lose to the load; two that win hold again, and are polled for it.
+/// The next e-stop has still to reach those two when the bus is asked: their stops go first,
+/// whatever is due there.
+#[test]
+fn behind_stops_that_cannot_leave_a_new_stop_goes_before_what_keeps_a_motor_holding() {
+    let wins = ["141#", "148#"];
+    let is_stop = |text: &&&str| text[4..].starts_with("81");
+    let mut polls = 0;
+    for after in (0..12_000).step_by(40) {
+        let mut rig = rig();
+        rig.babble(Some(0x14A));
+        rig.send(&Request::EStop(requests::EStop {}));
+        run_with_host(&mut rig, 100_000 + after);
+        assert!(!rig.held_texts().is_empty());
+        for axis in [2, 4] {
+            assert_eq!(bench::listed(&mut rig, axis), AxisState::Holding);
+        }
+        let sent_before = rig.wire.len();
+        rig.send(&Request::EStop(requests::EStop {}));
+        for _ in 0..10 {
+            rig.run_without_ticks(20);
+            rig.receive(0, "14A#5555");
+        }
+        rig.run(2_000);
+        let sent = rig.wire.split_off(sent_before);
+        let sent: Vec<&str> = sent.iter().map(|(.., text)| text.as_str()).collect();
+        for id in wins {
+            let stop = sent.iter().position(|text| text.starts_with(id) && is_stop(&text));
+            let (before, behind) = sent.split_at(stop.expect("it wins"));
+            assert!(before.iter().all(|text| is_stop(&text)), "{id} after {after} µs: {sent:?}");
+            polls += behind.iter().filter(|text| text.starts_with(id) && !is_stop(text)).count();
+        }
+    }
+    assert!(polls > 0);
+}
+
 /// A stop that waits keeps motion and raw frames from the bus, as long as it waits.
 #[test]
 fn while_a_first_stop_waits_no_motion_goes_out() {

@@ -232,14 +232,6 @@ impl Bus {
             || self.first_stops_may_leave(axes).any(bars)
     }
 
-    /// Whether nothing here keeps back what must not go before a first stop: there is none, or all are
-    /// with the port and have been held up there.
-    pub fn needs_a_first_stop(&self, now: Instant, axes: &Axes) -> bool {
-        let first = self.which(Is::FirstStop, axes);
-        let waits = |axis: &Axis| axis.transactions.with_port().is_none();
-        first.is_empty() || !axes.of(first).any(waits) && !self.first_stops_bar(now, axes)
-    }
-
     /// Until when first stops bar what is part of other stops: four frame times after one of them
     /// left or may have, and the replies that go before it. A line knows no arbitration: a
     /// first stop always leaves there.

@@ -134,18 +134,25 @@ impl Gateway {
         }
     }
 
+    /// As long as the first stop of one that was reached is owed, it keeps back what those of the others
+    /// would. One from before may have been held up for too long to do so: who does not stop yet
+    /// begins beside it.
     #[inline(never)]
     fn reach_first(&mut self, bus: u8) {
-        let needs = |core: &Self| {
-            let bus = core.buses.get(usize::from(bus));
-            bus.is_some_and(|bus| bus.needs_a_first_stop(core.latest, &core.axes))
-        };
-        while needs(self) {
-            let here = self.axes.of(self.unstopped.axes().and(self.axes.on(bus)));
+        loop {
+            let (since, here) = (self.unstopped.since, self.axes.on(bus));
+            let owed = self.axes.which(Is::FirstStop).and(here);
+            let is_reached = |axis: &Axis| axis.stop().is_some_and(|stop| stop.since >= since);
+            if self.axes.of(owed).any(is_reached) {
+                return;
+            }
+            let unstopped = self.unstopped.axes().and(here);
+            let stopping = if owed.is_empty() { Set::NONE } else { self.axes.which(Is::Stopping) };
+            let begin = self.axes.of(unstopped.without(stopping));
             let waits = |axis: &Axis| axis.transactions.with_port().is_some();
-            let first = here.min_by_key(|axis| (waits(axis), protocol::stop_id(&axis.config)));
-            let Some(axis) = first else { return };
-            self.reach(Set::of(axis.index));
+            let key = |axis: &&Axis| (waits(axis), protocol::stop_id(&axis.config));
+            let Some(first) = begin.min_by_key(key) else { return };
+            self.reach(Set::of(first.index));
         }
     }
 
