@@ -283,6 +283,27 @@ fn a_timeout_that_a_stop_keeps_from_being_told_is_unknown_and_not_off() {
     }
 }
 
+/// Whatever is to take its place: the motor has not been told it, or has not said so.
+#[test]
+fn a_timeout_that_is_off_is_off_until_the_motor_has_taken_another() {
+    for (timeout_ms, after) in [(300, 0), (300, 5_000), (0, 0), (0, 5_000)] {
+        let (mut rig, _) = bench::rmd_with_timeout(300);
+        provision(&mut rig, 0).unwrap();
+        rig.instead(|text| match text.starts_with("141#B3") {
+            true => Instead::Nothing,
+            false => Instead::AsUsual,
+        });
+        let request = requests::ProvisionMotorTimeout { axis: 0, timeout_ms };
+        rig.send(&Request::ProvisionMotorTimeout(request));
+        rig.run(after);
+        bench::stop(&mut rig);
+        run_with_host(&mut rig, 100_000);
+        bench::output_off(&mut rig).unwrap();
+        let refused = Err(Error::MotorTimeoutOff { axis: 0 });
+        assert_eq!(arm_allowing(&mut rig, true, false), refused, "{timeout_ms} after {after} µs");
+    }
+}
+
 /// What another motor answers.
 #[derive(Clone, Copy)]
 enum Told {

@@ -90,6 +90,8 @@ pub(crate) struct Axis {
     written_timeout_ms: u32,
     /// Which motor that was; it outlives a reset of the gateway too.
     told_motor: Identity,
+    /// That the timeout is off is assumed of a command that the motor is to be told; nobody knew before.
+    off_is_assumed: bool,
     /// When the motor sent something last.
     heard_at: Instant,
     /// Time since the motor started, as last read.
@@ -134,6 +136,7 @@ impl Axis {
             motor_timeout: MotorTimeout::Unknown,
             written_timeout_ms: 0,
             told_motor: Identity::UNKNOWN,
+            off_is_assumed: false,
             heard_at: Instant::from_micros(0),
             run_time: RunTime::UNKNOWN,
             restarts_until: Instant::from_micros(0),

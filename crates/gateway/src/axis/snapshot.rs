@@ -28,6 +28,7 @@ impl Axis {
             motor_timeout,
             written_timeout_ms,
             told_motor,
+            off_is_assumed,
             heard_at,
             run_time,
             restarts_until,
@@ -50,7 +51,7 @@ impl Axis {
                 (transactions, silence, unread, polls, measured).serialize(to)
             }
             _ => {
-                let told = (written_timeout_ms, told_motor);
+                let told = (written_timeout_ms, told_motor, off_is_assumed);
                 let timeout = (motor_timeout, told, heard_at, run_time);
                 let restart = (restarts_until, restart_owed, given_up_at);
                 let flags = (restart, write_waits, first_stop);

@@ -138,15 +138,17 @@ impl Axis {
     /// The motor is about to be told a timeout. Until it has answered it may have the one or the
     /// other; none, where that is one of them.
     pub(super) fn provisioning(&mut self, timeout_ms: u32) {
+        let was_off = self.motor_timeout == MotorTimeout::Off;
         self.forget_motor_timeout();
-        if is_as_good_as_none(timeout_ms) {
+        self.off_is_assumed = !was_off;
+        if was_off || is_as_good_as_none(timeout_ms) {
             self.timeout_is(MotorTimeout::Off);
         }
     }
 
-    /// That it has none was assumed of a command that was taken back.
+    /// A command was taken back of which it may have been assumed that the motor has none.
     pub(super) fn timeout_not_told(&mut self) {
-        if self.motor_timeout == MotorTimeout::Off {
+        if self.off_is_assumed && self.motor_timeout == MotorTimeout::Off {
             self.timeout_is(MotorTimeout::Unknown);
         }
     }
