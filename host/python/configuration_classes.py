@@ -77,7 +77,9 @@ def comment(key: Dict[str, Any]) -> List[str]:
 
 def dataclass(name: str, doc: str, section: Dict[str, Any]) -> str:
     lines = ["", "", "", "@dataclass", f"class {name}:", f'    """{doc}"""', ""]
-    keys, required = section["properties"], section["required"]
+    # What a file needs of a row: that it may say that it is incomplete is for dumps.
+    whole = section.get("anyOf", [{}])[0].get("required", [])
+    keys, required = section["properties"], [*section["required"], *whole]
     optional = [key for key in keys if key not in required]
     for key in [*required, *optional]:
         lines += [f"    #: {line}" for line in comment(keys[key])]

@@ -25,11 +25,11 @@ class GatewaySettings:
 class Bus:
     """A bus."""
 
-    #: Number of the bus. 0 to 7.
-    bus: int
+    #: Number of the bus; with --merge also its name. 0 to 7.
+    bus: Union[int, str]
     #: bit/s.
     bitrate: int
-    #: What the motors on it speak.
+    #: What the motors on it speak; nothing where only raw frames are sent.
     protocols: List[Literal["rmd", "thruster", "d5"]]
     #: Every node on it belongs to this gateway. Default False.
     exclusive: Optional[bool] = None
@@ -43,10 +43,10 @@ class Bus:
 class Axis:
     """An axis: a motor on a bus, and what it may do."""
 
-    #: Number of the axis. 0 to 31.
-    axis: int
+    #: Number of the axis; with --merge also its name. 0 to 31.
+    axis: Union[int, str]
     #: Number of the bus that the motor is on. 0 to 7.
-    bus: int
+    bus: Union[int, str]
     #: What the motor speaks: 1 rmd, 2 thruster, 3 d5.
     protocol: Literal["rmd", "thruster", "d5"]
     #: The motor's id on its bus, as its manual counts it. 1 to 253.
@@ -79,6 +79,8 @@ class Axis:
     direction: Optional[Literal[-1, 1]] = None
     #: How often the fault word of an armed axis is read. [µs] 20000 to 1000000. Default 100000.
     fault_poll_us: Optional[int] = None
+    #: What it needs may be missing; until it is there it cannot be armed. Default False.
+    incomplete: Optional[bool] = None
     #: How far beyond a limit a measured value may be before it trips the axis, as a fraction of
     #: the limit, for positions of at least 1 rad. 0.0 to 1.0. Default 0.1.
     limit_margin: Optional[float] = None
