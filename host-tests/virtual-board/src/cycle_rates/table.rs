@@ -8,8 +8,9 @@ use crate::sections::{COMMENT, Malformed, SEPARATOR, lines, not_committed, not_m
 /// twentieth.
 const RATE_TOLERANCE: u64 = 50;
 const COST_TOLERANCE: u64 = 20;
-/// And by how much the gap of 99 in 100 may grow: tenths of a bit, where that is more.
-const GAP_TOLERANCE: u64 = 20;
+/// And by how much the gap of 99 in 100 may grow: tenths of a bit, where that is more: where the core is full, one
+/// line run alone has 4 bits more than among the others.
+const GAP_TOLERANCE: u64 = 100;
 /// How many columns every line has.
 const COLUMNS: usize = 13;
 /// The places of what is compared.
@@ -88,7 +89,7 @@ impl Row {
             && gap > before + (before / COST_TOLERANCE).max(GAP_TOLERANCE)
         {
             complaints.push(format!(
-                "{}: the gap grew by more than 5 % and 2 bits, from {before} to {gap} tenths",
+                "{}: the gap grew by more than 5 % and 10 bits, from {before} to {gap} tenths",
                 self.name()
             ));
         }
@@ -185,17 +186,17 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_that_grows_by_more_than_5_percent_and_2_bits_is_told() {
+    fn a_gap_that_grows_by_more_than_5_percent_and_10_bits_is_told() {
         let with_gap = |gap| {
             let mut table = table(10_000, 5_000);
             table.rows[0].gaps = Some([0, gap, 2 * gap]);
             table
         };
         let complaints = |gap, before| with_gap(gap).complaints(&with_gap(before), "").len();
-        assert_eq!(complaints(20, 0), 0);
-        assert_eq!(complaints(21, 0), 1);
-        assert_eq!(complaints(630, 600), 0);
-        assert_eq!(complaints(631, 600), 1);
+        assert_eq!(complaints(100, 0), 0);
+        assert_eq!(complaints(101, 0), 1);
+        assert_eq!(complaints(3_150, 3_000), 0);
+        assert_eq!(complaints(3_151, 3_000), 1);
         assert_eq!(complaints(0, 600), 0);
     }
 
