@@ -120,8 +120,8 @@ fn a_first_stop_that_cannot_leave_keeps_no_other_from_being_confirmed() {
     assert_eq!(bench::listed(&mut rig, 0), AxisState::Stopping);
 }
 
-/// The first stops of three motors lose to the load; two that win hold again, and are polled for it.
-/// The next e-stop has still to reach those two when the bus is asked: their stops go first,
+/// The first stops of three motors lose to the load; two that win hold again, and are polled for
+/// it. The next e-stop has still to reach those two when the bus is asked: their stops go first,
 /// whatever is due there.
 #[test]
 fn behind_stops_that_cannot_leave_a_new_stop_goes_before_what_keeps_a_motor_holding() {

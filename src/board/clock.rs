@@ -43,10 +43,10 @@ pub fn starts(boot: BootReason, core_hz: u32, is_ready: impl Fn() -> bool) -> bo
 
 /// [`embassy_stm32::init`], whose time driver then counts from 0.
 ///
-/// The update that sets its prescaler is a match as well: the count and the compare value are 0. The
-/// driver would take that for the first half of the counter's range. Its time would be 65.5 ms ahead, and
-/// would fall back by that at each half, until the interrupt there is served: a time limit that is
-/// set meanwhile is over at once.
+/// The update that sets its prescaler is a match as well: the count and the compare value are 0.
+/// The driver would take that for the first half of the counter's range. Its time would be 65.5 ms
+/// ahead, and would fall back by that at each half, until the interrupt there is served: a time
+/// limit that is set meanwhile is over at once.
 pub fn init(config: Config) -> Peripherals {
     cortex_m::interrupt::free(|_| {
         let peripherals = embassy_stm32::init(config);

@@ -264,8 +264,8 @@ impl Axes {
     }
 
     /// When the axes must be looked at again: not later than the first of them, as long as that is
-    /// after `now`; [`Instant::NEVER`] where time alone changes none. That another one has become the
-    /// first is found out when its time has come.
+    /// after `now`; [`Instant::NEVER`] where time alone changes none. That another one has become
+    /// the first is found out when its time has come.
     pub fn due_again(&mut self, now: Instant) -> Instant {
         if self.none_due_before <= now && !self.is_first_known {
             (self.none_due_before, self.is_first_known) = (self.work_out_first_due(), true);

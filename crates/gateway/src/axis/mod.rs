@@ -90,7 +90,8 @@ pub(crate) struct Axis {
     written_timeout_ms: u32,
     /// Which motor that was; it outlives a reset of the gateway too.
     told_motor: Identity,
-    /// That the timeout is off is assumed of a command that the motor is to be told; nobody knew before.
+    /// That the timeout is off is assumed of a command that the motor is to be told; nobody knew
+    /// before.
     off_is_assumed: bool,
     /// When the motor sent something last.
     heard_at: Instant,

@@ -134,9 +134,9 @@ impl Gateway {
         }
     }
 
-    /// As long as the first stop of one that was reached is owed, it keeps back what those of the others
-    /// would. One from before may have been held up for too long to do so: who does not stop yet
-    /// begins beside it.
+    /// As long as the first stop of one that was reached is owed, it keeps back what those of the
+    /// others would. One from before may have been held up for too long to do so: who does not stop
+    /// yet begins beside it.
     #[inline(never)]
     fn reach_first(&mut self, bus: u8) {
         loop {

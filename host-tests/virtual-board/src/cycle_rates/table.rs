@@ -8,8 +8,8 @@ use crate::sections::{COMMENT, Malformed, SEPARATOR, lines, not_committed, not_m
 /// twentieth.
 const RATE_TOLERANCE: u64 = 50;
 const COST_TOLERANCE: u64 = 20;
-/// And by how much the gap of 99 in 100 may grow: tenths of a bit, where that is more: where the core is full, one
-/// line run alone has 4 bits more than among the others.
+/// And by how much the gap of 99 in 100 may grow: tenths of a bit, where that is more: where the
+/// core is full, one line run alone has 4 bits more than among the others.
 const GAP_TOLERANCE: u64 = 100;
 /// How many columns every line has.
 const COLUMNS: usize = 13;

@@ -1,5 +1,5 @@
-//! The image at full load: nothing is lost, nothing comes twice, no queue grows, and who counts agrees
-//! with the wires. What the core alone does for hours is in host-tests/src/long_run.rs.
+//! The image at full load: nothing is lost, nothing comes twice, no queue grows, and who counts
+//! agrees with the wires. What the core alone does for hours is in host-tests/src/long_run.rs.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -123,8 +123,8 @@ struct Run {
     tally: Tally,
 }
 
-/// RMD motors on RS485 at 2 Mbaud, and the period of all: what the core keeps up with. At 944 µs the
-/// frames of four axes fill a CAN bus.
+/// RMD motors on RS485 at 2 Mbaud, and the period of all: what the core keeps up with. At 944 µs
+/// the frames of four axes fill a CAN bus.
 fn full() -> (u8, Duration) {
     let (on_rs485, period_us) = match Board::chosen() {
         Board::NucleoH743zi => (3, 1_050),
