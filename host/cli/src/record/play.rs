@@ -24,46 +24,51 @@ pub fn run(arguments: &PlayArgs, out: Output) -> Result<(), Failure> {
         })?;
         let mut lines = Lines::new();
         lines.line(&columns.head())?;
-        let mut is_empty = true;
-        each(part, topics, aside, |message| {
-            is_empty = false;
-            lines.line(&columns.row(&message))
+        print_each(part, topics, aside, |message| {
+            lines.line(&columns.row(&message)).map(|()| true)
         })?;
-        tell_empty(part, is_empty, aside);
         return lines.end();
     }
     if arguments.candump {
         let mut lines = Lines::new();
-        let mut is_empty = true;
-        each(part, topics, aside, |message| {
-            let Some(line) = candump(&message) else { return Ok(()) };
-            is_empty = false;
-            lines.line(&line)
+        print_each(part, topics, aside, |message| {
+            let Some(line) = candump(&message) else { return Ok(false) };
+            lines.line(&line).map(|()| true)
         })?;
-        tell_empty(part, is_empty, aside);
         return lines.end();
     }
-    let (mut show, mut is_empty) = (Show::default(), true);
-    each(part, topics, out, |message| {
-        is_empty = false;
+    let mut show = Show::default();
+    print_each(part, topics, out, |message| {
         if out.is_json() {
-            return out.object(&object!({
+            out.object(&object!({
                 "event": "recorded", "topic": message.topic, "host_time_ns": message.log_ns,
                 "message": message.value,
-            }));
+            }))?;
+        } else {
+            show.lines(&message).iter().try_for_each(|line| out.text(line))?;
         }
-        show.lines(&message).iter().try_for_each(|line| out.text(line))
-    })?;
-    tell_empty(part, is_empty, out);
-    Ok(())
+        Ok(true)
+    })
 }
 
-/// Nothing may have been printed because of a slip in what was asked for.
-fn tell_empty(part: &Part, is_empty: bool, out: Output) {
+/// Has each of these messages printed by `print`, which returns whether it was one to print. Where
+/// none was, there may be a slip in what was asked for.
+fn print_each(
+    part: &Part,
+    topics: &[String],
+    out: Output,
+    mut print: impl FnMut(Recorded) -> Result<bool, Failure>,
+) -> Result<(), Failure> {
+    let mut is_empty = true;
+    each(part, topics, out, |message| {
+        is_empty &= !print(message)?;
+        Ok(())
+    })?;
     if is_empty {
         let files: Vec<String> = part.files.iter().map(|file| file.display().to_string()).collect();
         out.aside(format!("there is nothing of that in {}", files.join(", ")));
     }
+    Ok(())
 }
 
 /// Calls `take` with the messages of a part that are of these topics, and says which of its files
