@@ -15,10 +15,7 @@ use crate::words;
 pub fn run(session: &mut Session) -> Result<(), Failure> {
     let hello = session.client.hello().clone();
     let status = session.client.gateway_status()?;
-    let commander = match status.holder {
-        Some(_) => session.client.commander()?,
-        None => None,
-    };
+    let commander = status.holder.map_or(Ok(None), |_| session.client.commander())?;
     let stored = session.client.read_stored()?;
     let image = session.client.image()?;
     let motors = dialects::of_axes(session)?;

@@ -198,10 +198,7 @@ impl Watching {
             self.subscribed = numbers;
         }
         let status = client.gateway_status()?;
-        self.live.commander = match status.holder {
-            Some(_) => client.commander()?,
-            None => None,
-        };
+        self.live.commander = status.holder.map_or(Ok(None), |_| client.commander())?;
         self.live.status = Some(status);
         for bus in (0..).take(self.live.buses.len()) {
             let report = client.bus_status(bus)?;
