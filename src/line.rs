@@ -18,6 +18,7 @@ use core::pin::pin;
 use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use core::task::Poll;
 
+use embassy_futures::yield_now;
 use embassy_stm32::dma::{ChannelInstance, Transfer, TransferOptions};
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::mode::Async;
@@ -316,7 +317,7 @@ impl Receiver {
     /// Waits for bytes, until those that have come want to be read, and takes as much as fits;
     /// nothing where there was only an error. Bears being dropped. What wakes is an event of the
     /// line, or that DMA has filled half of the ring. When its task is woken by another one's
-    /// event, it looks too: what has come decides what may go.
+    /// event, it looks too, unless more is just coming: what has come decides what may go.
     pub fn read(
         &mut self,
         bytes: &mut [u8],
@@ -326,7 +327,9 @@ impl Receiver {
             let arrived = self.events.arrived.wait();
             // Taken back first: what comes behind what is read is told anew.
             let has_arrived = pin!(arrived).poll(context).is_ready();
-            if !has_arrived && (!mem::replace(&mut looks, true) || self.ring.is_empty()) {
+            if !has_arrived
+                && (!mem::replace(&mut looks, true) || self.goes_on() || self.ring.is_empty())
+            {
                 return Poll::Pending;
             }
             let result = self.take(bytes);
@@ -336,6 +339,11 @@ impl Receiver {
             }
             Poll::Ready(result)
         })
+    }
+
+    /// A byte is just arriving of what ends with an idle line: that wakes when it is over.
+    fn goes_on(&self) -> bool {
+        self.ends == Ends::Idle && self.registers.isr().read().busy()
     }
 
     /// Where frames end with a delimiter, that wakes; behind the begin of one so does an idle line,
@@ -382,14 +390,16 @@ impl Sender {
     }
 
     /// Waits until no byte is just arriving: what has come whole decides what may go. Not for ever,
-    /// as noise may not end.
+    /// as noise may not end: then what has come so far is looked at.
     pub async fn between_bytes(&self) {
         for _ in 0..ARRIVING_BYTES {
             if !self.registers.isr().read().busy() {
-                break;
+                return;
             }
             Timer::after(self.duration(BITS_PER_BYTE)).await;
         }
+        self.events.arrived.signal(());
+        yield_now().await;
     }
 
     /// Room for a message, to be sent by [`send_held`](Self::send_held).

@@ -396,6 +396,12 @@ impl SharedGateway {
         self.mind_deadline(parts);
     }
 
+    /// Whether an RS485 bus may have a frame to send just now.
+    #[inline(never)]
+    pub fn may_want(&self, bus: u8) -> bool {
+        self.with(|parts, now| parts.core.may_want(now, bus))
+    }
+
     /// The next frame for an RS485 bus.
     #[inline(never)]
     pub fn poll_transmit(&self, bus: u8) -> Option<Transmit> {

@@ -110,13 +110,16 @@ async fn send(
     let mut heard = None;
     loop {
         watch.check_in();
-        sender.between_bytes().await;
-        // Each wait may have taken long where there is much to do.
-        watch.check_in();
+        let wants = gateway.may_want(bus);
+        if wants {
+            sender.between_bytes().await;
+            // Each wait may have taken long where there is much to do.
+            watch.check_in();
+        }
         if gateway.bus_setup(bus) != Some(setup) {
             return;
         }
-        match gateway.poll_transmit(bus) {
+        match wants.then(|| gateway.poll_transmit(bus)).flatten() {
             Some(Transmit { slot, frame: Outgoing::Serial(bytes), .. }) => {
                 defmt::trace!("bus {=u8}: sends {=[u8]:02x}", bus, bytes);
                 // Not even the echo of the frame before has come: the ring no longer takes what

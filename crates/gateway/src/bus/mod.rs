@@ -196,7 +196,7 @@ impl Bus {
     /// Everything that time alone brings about. Returns whether the bus is to be polled again: it
     /// has changed, or stops are under way, which wait for more than one thing.
     pub fn expire(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) -> bool {
-        let stops = !self.which(Is::Stopping, axes).is_empty();
+        let stops = self.is_stopping(axes);
         if stops {
             self.report_unsent_stops(now, axes, out);
         }
@@ -213,6 +213,11 @@ impl Bus {
             self.report_delayed_stops(now, axes, out);
         }
         stops || is_restarted || is_overdue
+    }
+
+    /// Whether one of its axes has a stop to send.
+    fn is_stopping(&self, axes: &Axes) -> bool {
+        !self.which(Is::Stopping, axes).is_empty()
     }
 
     pub fn port(&self) -> &BusPort {

@@ -213,7 +213,7 @@ impl Bus {
     }
 
     fn stops(&self, now: Instant, axes: &Axes) -> Stops {
-        if self.which(Is::Stopping, axes).is_empty() {
+        if !self.is_stopping(axes) {
             return Stops::None;
         }
         if self.which(Is::FirstStop, axes).is_empty() {
@@ -261,7 +261,7 @@ impl Bus {
 
     /// A frame in the controller that keeps a stop out which goes before it.
     pub(super) fn keeps_a_stop_out(&self, now: Instant, axes: &Axes) -> Option<u8> {
-        if self.is_off() || self.nothing_in_flight() || self.which(Is::Stopping, axes).is_empty() {
+        if self.is_off() || self.nothing_in_flight() || !self.is_stopping(axes) {
             return None;
         }
         // A second frame may go beside whatever is there, unless a reply with its id is due.

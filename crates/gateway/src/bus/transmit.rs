@@ -37,7 +37,7 @@ impl Bus {
         if self.config.is_none() || self.is_off() || !self.has_room() {
             return None;
         }
-        let is_alone = self.which(Is::Stopping, axes).is_empty();
+        let is_alone = !self.is_stopping(axes);
         if let Some((index, want)) = self.choose(now, axes, Room::Left)
             && !self.empties_for_another_stop(now, axes, index)
         {
@@ -89,10 +89,10 @@ impl Bus {
     /// Whether a bus that has just changed may have a frame to send or to cancel: where it stops
     /// nothing, it sends one frame at a time.
     pub fn may_want(&self, now: Instant, axes: &Axes) -> bool {
-        if self.raw.is_some() || !self.which(Is::Stopping, axes).is_empty() {
+        if self.raw.is_some() || self.is_stopping(axes) {
             return true;
         }
-        match self.nothing_in_flight() {
+        match self.may_send_ordinary(now) {
             true => !self.which(Is::Ready, axes).is_empty(),
             false => self.unwanted(now, None, axes).is_some(),
         }
@@ -213,7 +213,7 @@ impl Bus {
         for axis in axes.of(self.which(Is::Late, axes)) {
             next.consider(axis.delivery_due_at().map(|due| due + self.delivered_within()));
         }
-        let stops = !self.which(Is::Stopping, axes).is_empty();
+        let stops = self.is_stopping(axes);
         if stops {
             next.consider(self.stop_is_delayed_at(axes));
             next.consider(self.stop_is_unsent_at(axes));
