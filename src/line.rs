@@ -57,7 +57,13 @@ pub struct LineEvents {
     delimiter_at: AtomicU16,
     /// The ring is to be set up anew.
     restart: AtomicBool,
+    /// How much of the round was left when the line became idle; [`NEVER_IDLE`] where it has not
+    /// since bytes were taken.
+    idle_at: AtomicU32,
 }
+
+/// More than a round has.
+const NEVER_IDLE: u32 = u32::MAX;
 
 impl LineEvents {
     /// Nothing yet.
@@ -70,6 +76,7 @@ impl LineEvents {
             rounds: AtomicU32::new(0),
             delimiter_at: AtomicU16::new(0),
             restart: AtomicBool::new(false),
+            idle_at: AtomicU32::new(NEVER_IDLE),
         }
     }
 
@@ -214,6 +221,9 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
                 w.set_cmf(flags.cmf());
                 w.set_idle(flags.idle());
             });
+            if is_idle {
+                T::events().idle_at.store(T::remaining().into(), Ordering::Relaxed);
+            }
             if is_idle || T::events().says_something(T::remaining()) {
                 T::events().arrived.signal(());
             }
@@ -259,6 +269,8 @@ pub struct Receiver {
     has_more: bool,
     /// What was read last ends inside a frame.
     is_inside: bool,
+    /// The line has been idle for a byte's time behind what was read last.
+    pub was_idle: bool,
     /// What else happens on the line.
     pub events: &'static LineEvents,
 }
@@ -299,7 +311,15 @@ impl Receiver {
         });
         // A byte that came before asks for no transfer, and each behind it would be one late.
         registers.rqr().write(|w| w.set_rxfrq(true));
-        Self { ring, registers, ends, has_more: false, is_inside: false, events: T::events() }
+        Self {
+            ring,
+            registers,
+            ends,
+            has_more: false,
+            is_inside: false,
+            was_idle: false,
+            events: T::events(),
+        }
     }
 
     /// Takes what has come, as much as fits; nothing if nothing has.
@@ -309,7 +329,9 @@ impl Receiver {
             self.ring.restart();
             self.events.delimiter_at.store(0, Ordering::Relaxed);
         }
+        let idle_at = self.events.idle_at.swap(NEVER_IDLE, Ordering::Relaxed);
         let length = self.ring.take(bytes)?;
+        self.was_idle = self.ring.is_empty() && u32::from(self.ring.remaining()) == idle_at;
         self.events.heard.fetch_add(u32::try_from(length).unwrap_or(u32::MAX), Ordering::Relaxed);
         Ok(length)
     }

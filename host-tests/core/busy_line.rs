@@ -89,6 +89,24 @@ fn a_stop_on_a_quiet_line_leaves_at_once() {
     assert_eq!(stops_since(&rig, since), [0]);
 }
 
+/// The pause is 20 bits, 174 µs; a byte takes 10.
+#[test]
+fn a_line_that_its_port_has_seen_idle_for_a_byte_has_had_half_of_the_pause() {
+    for (idle, waits_us) in [(false, 174), (true, 87)] {
+        let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+        move_axis(&mut rig, VELOCITY);
+        rig.run(50_000);
+        while rig.wire.last().is_none_or(|(at, ..)| rig.now_us - *at < 3_000) {
+            rig.run(10);
+        }
+        rig.handle(Event::SerialReceived { bus: 2, bytes: &[0x55], idle });
+        let since = rig.now_us;
+        rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+        rig.run(1_000);
+        assert_eq!(stops_since(&rig, since).first(), Some(&waits_us));
+    }
+}
+
 #[test]
 fn a_port_that_loses_a_frame_is_started_again_and_the_stop_goes_out() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);

@@ -464,7 +464,7 @@ impl Rig {
                 let frame = CanFrame::standard(id, &unhex(data)).unwrap();
                 self.handle(Event::CanReceived { bus, frame });
             }
-            None => self.handle(Event::SerialReceived { bus, bytes: &unhex(text) }),
+            None => self.handle(Event::SerialReceived { bus, bytes: &unhex(text), idle: false }),
         }
     }
 

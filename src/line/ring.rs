@@ -91,6 +91,11 @@ impl Ring {
         if length > u32::MAX / 2 { 0 } else { length }
     }
 
+    /// How many bytes of its round DMA has still to fill.
+    pub fn remaining(&self) -> u16 {
+        (self.remaining)()
+    }
+
     /// Whether nothing has come.
     pub fn is_empty(&self) -> bool {
         self.length() == 0

@@ -83,7 +83,8 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver, unde
                 if receiver.events.has_sent() {
                     transmitted(gateway, bus, under_way);
                 }
-                gateway.handle(Event::SerialReceived { bus, bytes });
+                let idle = receiver.was_idle;
+                gateway.handle(Event::SerialReceived { bus, bytes, idle });
             }
             Err(Overflow) => {
                 lost += 1;

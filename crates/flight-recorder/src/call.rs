@@ -122,6 +122,7 @@ const SERIAL_RECEIVED: u8 = 4;
 const POLL_CANCEL: u8 = 5;
 const POLL_TRANSMIT: u8 = 6;
 const POLL_HOST: u8 = 7;
+const SERIAL_ENDED: u8 = 8;
 const OTHER: u8 = 15;
 
 const KIND: u8 = 0x0F;
@@ -184,7 +185,9 @@ impl<'a> Call<'a> {
             Self::Handle(Event::CanReceived { bus, .. }) => (CAN_RECEIVED, bus, false),
             Self::Handle(Event::Transmitted { bus, .. }) => (TRANSMITTED, bus, false),
             Self::Handle(Event::HostBytes { link, .. }) => (HOST_BYTES, link, false),
-            Self::Handle(Event::SerialReceived { bus, .. }) => (SERIAL_RECEIVED, bus, false),
+            Self::Handle(Event::SerialReceived { bus, idle, .. }) => {
+                (if idle { SERIAL_ENDED } else { SERIAL_RECEIVED }, bus, false)
+            }
             Self::PollCancel { bus } => (POLL_CANCEL, bus, true),
             Self::PollTransmit { bus } => (POLL_TRANSMIT, bus, true),
             Self::PollHost { link } => (POLL_HOST, link, true),
@@ -247,8 +250,9 @@ impl<'a> Call<'a> {
                 Self::Handle(Event::Transmitted { bus: index, slot })
             }
             HOST_BYTES => Self::Handle(Event::HostBytes { link: index, bytes: bytes.take_long()? }),
-            SERIAL_RECEIVED => {
-                Self::Handle(Event::SerialReceived { bus: index, bytes: bytes.take_long()? })
+            kind @ (SERIAL_RECEIVED | SERIAL_ENDED) => {
+                let (bytes, idle) = (bytes.take_long()?, kind == SERIAL_ENDED);
+                Self::Handle(Event::SerialReceived { bus: index, bytes, idle })
             }
             POLL_CANCEL => Self::PollCancel { bus: index },
             POLL_TRANSMIT => Self::PollTransmit { bus: index },

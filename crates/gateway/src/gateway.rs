@@ -203,8 +203,10 @@ impl Gateway {
                     return self.take_changes();
                 }
             }
-            Event::SerialReceived { bus, bytes } => {
-                self.on_bus(now, bus, |bus, axes, out| bus.serial_received(now, bytes, axes, out));
+            Event::SerialReceived { bus, bytes, idle } => {
+                self.on_bus(now, bus, |bus, axes, out| {
+                    bus.serial_received(now, bytes, idle, axes, out)
+                });
             }
             Event::Transmitted { bus, slot } => {
                 self.on_bus(now, bus, |bus, axes, out| bus.transmitted(now, slot, axes, out));

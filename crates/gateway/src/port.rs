@@ -95,6 +95,9 @@ pub enum Event<'a> {
         bus: u8,
         /// The bytes, in order of arrival.
         bytes: &'a [u8],
+        /// The line has been idle for a byte's time since the last of them, which counts for the
+        /// pause before the next frame.
+        idle: bool,
     },
     /// A frame taken with `poll_transmit` has left: acknowledged on CAN, last stop bit sent on
     /// RS485.

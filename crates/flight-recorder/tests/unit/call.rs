@@ -5,7 +5,7 @@ use embedded_can::{ExtendedId, Id};
 use gateway::Event;
 use host_protocol::CanFrame;
 
-fn vectors() -> [(u64, Call<'static>, &'static [u8]); 13] {
+fn vectors() -> [(u64, Call<'static>, &'static [u8]); 14] {
     let standard = CanFrame::standard(0x141, &[0xA2, 0, 0, 0, 0x10, 0x27, 0, 0]).unwrap();
     let extended = Id::Extended(ExtendedId::new(0x0001_0203).unwrap());
     let remote = CanFrame::remote_frame(extended, 2).unwrap();
@@ -29,8 +29,13 @@ fn vectors() -> [(u64, Call<'static>, &'static [u8]); 13] {
         ),
         (
             0xFFFF,
-            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E] }),
+            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E], idle: false }),
             &[0x44, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0, 0, 0, 1, 0, 0x3E],
+        ),
+        (
+            0,
+            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E], idle: true }),
+            &[0x58, 1, 0, 0x3E],
         ),
         (7, Call::PollCancel { bus: 0 }, &[0x05, 7, 0]),
         (1, Call::TakeSave, &[0x0F, 1, 0, 5]),
@@ -61,7 +66,7 @@ fn each_call_is_kept_as_these_bytes_and_read_from_them() {
 
 #[test]
 fn what_is_no_call_is_none() {
-    for first in (0x08..0x0F).chain(0x18..0x1F).chain([0x38]) {
+    for first in (0x09..0x0F).chain(0x19..0x1F).chain([0x38]) {
         assert_eq!(Call::decode(&[first, 0, 0, 0, 0, 0, 0, 0]), None, "{first:#x}");
     }
     // A frame of nine bytes.

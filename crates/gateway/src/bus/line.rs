@@ -13,7 +13,7 @@ pub(super) const GAP_BITS: u64 = 20;
 pub(super) const STOP_DELAY: Duration = Duration::from_millis(1);
 
 /// Bits of a byte, with start and stop bit.
-const BYTE_BITS: u64 = 10;
+pub(super) const BYTE_BITS: u64 = 10;
 
 /// The form of frames on a line with these protocols: one has the line to itself.
 pub(super) fn serial_of(protocols: ProtocolSet) -> Option<&'static Serial> {
@@ -178,6 +178,11 @@ impl Line {
             Some(frame) => Heard::Frame(frame),
             None => Heard::Byte,
         }
+    }
+
+    /// The last byte had been heard that long before the port told of it.
+    pub fn has_been_idle(&mut self, now: Instant, long: Duration) {
+        self.active_at = self.active_at.min(now - long);
     }
 
     /// Bytes that belonged to no frame, since the start.

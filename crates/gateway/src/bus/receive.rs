@@ -1,7 +1,7 @@
 //! What arrives on a bus, and whom it is for.
 
 use super::Bus;
-use super::line::Heard;
+use super::line::{BYTE_BITS, Heard};
 use crate::axes::Axes;
 use crate::axis::{Axis, Is};
 use crate::filled::filled;
@@ -54,26 +54,30 @@ impl Bus {
             || self.in_flight.iter().flatten().any(|f| f.collided_at.is_some())
     }
 
-    /// Bytes have arrived on a serial bus.
+    /// Bytes have arrived on a serial bus. `idle`: for a byte's time there were no more.
     pub fn serial_received(
         &mut self,
         now: Instant,
         bytes: &[u8],
+        idle: bool,
         axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
         if self.kind() != BusKind::Rs485 || self.config.is_none() {
             return;
         }
-        let idle = self.bit_time(RAW_IDLE_BITS);
+        let apart = self.bit_time(RAW_IDLE_BITS);
         for byte in bytes {
             let heard = self.line.receive(now, *byte);
             if let Some(raw) = self.raw.as_mut().filter(|_| heard != Heard::Echo) {
-                raw.keep_byte(now, *byte, idle);
+                raw.keep_byte(now, *byte, apart);
             }
             if let Heard::Frame(frame) = heard {
                 self.serial_frame(now, &frame, axes, out);
             }
+        }
+        if idle {
+            self.line.has_been_idle(now, self.bit_time(BYTE_BITS));
         }
         self.counters.rejected = self.line.rejected();
     }

@@ -99,7 +99,7 @@ impl World {
             }
             Input::Serial { bus, bytes } => {
                 oracle.received(now, *bus, Frame::Serial(bytes));
-                Event::SerialReceived { bus: *bus, bytes }
+                Event::SerialReceived { bus: *bus, bytes, idle: false }
             }
             Input::Transmitted { bus, slot } => {
                 oracle.left(now, *bus, *slot);

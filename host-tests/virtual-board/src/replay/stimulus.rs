@@ -152,7 +152,7 @@ pub fn outside(calls: &[Played<'_>], buses: usize) -> Outside {
                     causes.push(Stimulus { told: *told, cause, at_once });
                 }
             }
-            Call::Handle(Event::SerialReceived { bus, bytes }) => {
+            Call::Handle(Event::SerialReceived { bus, bytes, .. }) => {
                 let Some(known) = buses.get_mut(usize::from(*bus)) else { continue };
                 let own = bytes.len().min(known.echo);
                 known.echo -= own;

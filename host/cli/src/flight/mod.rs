@@ -196,7 +196,9 @@ fn tell_event(event: &Event<'_>, hosts: &mut [Deframer], mut tell: impl FnMut(St
         }
         Event::HostLineError { link } => tell(format!("host {link} < noise")),
         Event::CanReceived { bus, frame } => tell(format!("bus {bus}  < {}", can_text(&frame))),
-        Event::SerialReceived { bus, bytes } => tell(format!("bus {bus}{SERIAL}{}", hex(bytes))),
+        Event::SerialReceived { bus, bytes, .. } => {
+            tell(format!("bus {bus}{SERIAL}{}", hex(bytes)))
+        }
         Event::Transmitted { bus, slot } => tell(format!("bus {bus}    slot {slot} has left")),
         Event::Cancelled { bus, slot } => tell(format!("bus {bus}    slot {slot} is given back")),
         Event::BusState { bus, state, transmit_errors, receive_errors } => {

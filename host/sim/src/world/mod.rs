@@ -460,7 +460,7 @@ impl World {
             SerialOutcome::Byte { value, to } => {
                 self.tell_motors(&to, |motor, now| motor.hear_byte(now, value));
                 if to.contains(&Station::Gateway) {
-                    self.tell(Event::SerialReceived { bus, bytes: &[value] });
+                    self.tell(Event::SerialReceived { bus, bytes: &[value], idle: false });
                 }
             }
             SerialOutcome::Sent { from, slot, bytes, start, end } => {

@@ -15,7 +15,7 @@ fn frame(id: u16) -> CanFrame {
 }
 
 fn serial(us: u64, bytes: &[u8]) -> Played<'_> {
-    told(us, Event::SerialReceived { bus: 0, bytes })
+    told(us, Event::SerialReceived { bus: 0, bytes, idle: false })
 }
 
 /// The gateway sends this on an RS485 bus, and hears it.
