@@ -16,7 +16,7 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     };
     let end = Instant::now() + Duration::from_secs(60 * minutes);
-    let told = |tally: &host_tests::long_run::Tally| {
+    let told = |tally: &host_tests::full_load::Tally| {
         eprintln!("{tally}");
         Instant::now() < end
     };

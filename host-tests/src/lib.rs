@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod client_scenario;
+pub mod full_load;
 pub mod long_run;
 mod play;
 pub mod scenario;

@@ -38,6 +38,11 @@ pub struct SentByte {
     pub driven: bool,
 }
 
+/// What the port has sent without a pause between its bytes.
+pub fn messages(sent: &[SentByte]) -> impl Iterator<Item = &[SentByte]> {
+    sent.chunk_by(|one, next| next.first_bit < one.end + (one.end - one.first_bit) / 2)
+}
+
 /// What a motor has sent in one go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Reply {

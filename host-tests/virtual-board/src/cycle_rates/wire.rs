@@ -7,7 +7,7 @@ use virtual_stm32::fdcan::{FrameEnd, FrameRecord, Sender};
 
 use super::situation::{GAP_BITS, INTERMISSION_BITS, Motors};
 use crate::nodes::since_start;
-use crate::rs485_line::{Reply, SentByte};
+use crate::rs485_line::{Reply, SentByte, messages};
 
 /// The part of an id that tells motors of a bus from each other.
 const NODE: u32 = 0xF;
@@ -45,8 +45,6 @@ pub(super) fn of_frames(frames: &[FrameRecord], motors: Motors) -> Vec<Passage> 
 
 /// Messages on RS485: bytes without a pause between them, and what motors have sent.
 pub(super) fn of_line(sent: &[SentByte], replies: &[Reply], motors: Motors) -> Vec<Passage> {
-    let joined =
-        |one: &SentByte, next: &SentByte| next.first_bit < one.end + (one.end - one.first_bit) / 2;
     let request = |message: &[SentByte]| {
         let bytes: Vec<u8> = message.iter().map(|sent| sent.byte).collect();
         Passage {
@@ -64,7 +62,7 @@ pub(super) fn of_line(sent: &[SentByte], replies: &[Reply], motors: Motors) -> V
         is_setpoint: false,
         node: None,
     };
-    let requests = sent.chunk_by(joined).map(request);
+    let requests = messages(sent).map(request);
     let mut passages: Vec<Passage> = requests.chain(replies.iter().map(reply)).collect();
     passages.sort_by_key(|passage| passage.begin);
     passages
