@@ -26,6 +26,7 @@ mod dialects;
 mod e_stop;
 mod echo;
 mod fairness;
+mod feeding;
 mod first_stop;
 mod flight;
 mod foreign_load;

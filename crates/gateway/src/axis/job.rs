@@ -33,7 +33,7 @@ pub(crate) struct Job {
     timeout_told: bool,
     /// The motor's output is on, as the axis held before the job or a command of the job has
     /// switched it on.
-    output_on: bool,
+    pub(super) output_on: bool,
     /// Which motor answers it, where it asks that.
     pub(super) identity: Identity,
     /// That motor tells its model in parts.

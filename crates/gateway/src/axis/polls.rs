@@ -86,25 +86,40 @@ impl Axis {
         Some(Request { priority, due: at, exchange })
     }
 
-    /// The poll that keeps a motor holding, if it is due: where what a job asks of the axis is
-    /// barred, that goes past it.
-    pub fn holding_request(&self, now: Instant) -> Option<Request> {
-        let due = self.holding_poll_at().filter(|due| *due <= now)?;
+    /// Whether its motor holds, or may, and must hear something although a stop bars what is no
+    /// stop: nobody tells one that is not moved what it holds again.
+    pub fn must_be_fed(&self) -> bool {
+        let holds = match self.state {
+            State::Holding | State::Armed(_) => true,
+            State::Arming => self.job.as_ref().is_some_and(|job| job.output_on),
+            _ => false,
+        };
+        holds && self.is_polled_to_hold()
+    }
+
+    /// What such a motor hears, if it is due: where what a job asks of the axis is barred, an arming
+    /// as well, a poll goes past it.
+    pub fn feeding_request(&self, now: Instant) -> Option<Request> {
+        if self.is_armed() {
+            let request = self.next_request(now)?;
+            return Some(Request { priority: Priority::StopStep, ..request });
+        }
+        let due = self.feeding_poll_at().filter(|due| *due <= now)?;
         let exchange = self.poll_exchange()?;
         let is_free = self.transactions.is_idle();
         is_free.then_some(Request { priority: Priority::StopStep, due, exchange })
     }
 
     /// When the next poll that keeps the motor holding is due.
-    fn holding_poll_at(&self) -> Option<Instant> {
-        self.is_kept_holding().then(|| self.from(Next::Poll, self.state_poll_at).1)
+    fn feeding_poll_at(&self) -> Option<Instant> {
+        self.must_be_fed().then(|| self.from(Next::Poll, self.state_poll_at).1)
     }
 
     /// When what a job does not keep waiting is due: the stop behind a clearing, and what keeps a
     /// motor holding.
     pub fn due_beside_job(&self) -> Option<Instant> {
         self.job.as_ref()?;
-        self.stop().and_then(Stop::next).map(|(_, at)| at).or_else(|| self.holding_poll_at())
+        self.stop().and_then(Stop::next).map(|(_, at)| at).or_else(|| self.feeding_poll_at())
     }
 
     /// The command that serves an exchange now; `None` where there is none to send.

@@ -73,7 +73,7 @@ impl Bus {
         let mut best: Option<(usize, Request, Precedence)> = None;
         for index in candidates.behind(self.last_served) {
             let Some(axis) = axes.get(index) else { continue };
-            if !may_ordinary && axis.stop().is_none() && !axis.is_kept_holding() {
+            if !may_ordinary && axis.stop().is_none() && !axis.must_be_fed() {
                 continue;
             }
             // Behind a first stop nothing of an axis with a higher id goes: what that wants need
@@ -84,9 +84,14 @@ impl Bus {
                 continue;
             }
             let is_barred = !may_ordinary && axis.stop().is_none();
-            let want = if is_barred { axis.holding_request(now) } else { axis.next_request(now) };
+            let want = if is_barred { axis.feeding_request(now) } else { axis.next_request(now) };
             let Some(mut want) = want else { continue };
-            if want.priority == Priority::Stop && stops == Stops::Sent && self.takes_its_turn(axis)
+            // On CAN what is held up in the controller keeps no stop out that goes before it.
+            let is_free = self.kind() == BusKind::Rs485 || self.nothing_in_flight();
+            if want.priority == Priority::Stop
+                && stops == Stops::Sent
+                && self.takes_its_turn(axis)
+                && is_free
             {
                 want.priority = Priority::Ordinary;
             }
@@ -121,11 +126,12 @@ impl Bus {
         best.map(|(index, want, _)| (index, want))
     }
 
-    /// Whether a stop that is sent again goes as everything else does: on a line, where a motor that
-    /// misses its stops must not keep the others from hearing anything.
+    /// Whether a stop that is sent again goes as everything else does: on a line, and where so many
+    /// requests may be outstanding, a motor that misses its stops must not keep the others from
+    /// hearing anything.
     pub(super) fn takes_its_turn(&self, axis: &Axis) -> bool {
         let is_urgent = axis.stop().is_some_and(Stop::is_urgent);
-        self.kind() == BusKind::Rs485 && !is_urgent
+        (self.kind() == BusKind::Rs485 || self.bounds.outranking_replies > 0) && !is_urgent
     }
 
     /// Where there is no stop: one after the other, what somebody only watches last.

@@ -1,0 +1,122 @@
+//! An RMD that holds, or whose load its brake is to take over, hears something in time, whatever goes
+//! before: its own timeout would let the load go.
+
+use crate::bench::{
+    self, arm, arm_axis, configure_axis, disarm, hello, listed, parameter, provision, run_with_host,
+};
+use crate::motors::{self, Shared};
+use crate::rig::Rig;
+use host_protocol::{
+    AxisParameter, AxisState, Protocol, ProtocolSet, Request, StopAction, Value, requests,
+};
+
+/// RMD node 1, told a timeout of its own, and thruster nodes 0x0B and on, on CAN bus 0. The
+/// thrusters are mute where `play` says so.
+fn rmd_and_thrusters(thrusters: u8, timeout_ms: u32, reply_window_us: u32) -> (Rig, Shared) {
+    let (mut rig, play) = (Rig::new(), Shared::default());
+    let (mut rmd, mute) = (motors::rmd(Shared::default()), play.clone());
+    rig.motor = Box::new(move |now, bus, text| {
+        let (id, data) = text.split_once('#')?;
+        let id = u16::from_str_radix(id, 16).ok()?;
+        match id {
+            0x301..=0x37F if mute.borrow().mute => None,
+            0x301..=0x37F => Some(format!("{:03X}#{data:0<16}", id - 0x80)),
+            _ => rmd(now, bus, text),
+        }
+    });
+    hello(&mut rig);
+    let bus = requests::ConfigureBus {
+        bus: 0,
+        bitrate: 1_000_000,
+        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
+        exclusive: false,
+        reply_window_us,
+    };
+    rig.ask(Request::ConfigureBus(bus)).unwrap();
+    configure_axis(&mut rig, 0, 0, Protocol::Rmd, 1, StopAction::Hold);
+    for axis in 1..=thrusters {
+        configure_axis(&mut rig, axis, 0, Protocol::Thruster, 0x0A + axis, StopAction::Coast);
+    }
+    provision(&mut rig, timeout_ms).unwrap();
+    (rig, play)
+}
+
+/// Ten stops of each, and the time for their replies, bar all else from the bus: 200 ms.
+#[test]
+fn a_motor_holds_while_four_thrusters_that_are_mute_are_stopped() {
+    let (mut rig, play) = rmd_and_thrusters(4, 160, 20_000);
+    arm(&mut rig);
+    disarm(&mut rig);
+    for axis in 1..=4 {
+        arm_axis(&mut rig, axis);
+    }
+    run_with_host(&mut rig, 200_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+    let since = rig.now_us - 50_000;
+    play.borrow_mut().mute = true;
+    rig.send(&Request::ReleaseAuthority(requests::ReleaseAuthority {}));
+    run_with_host(&mut rig, 400_000);
+    let gap = rig.longest_gap_us(0, since, "141#");
+    assert!(gap < 160_000, "its own timeout has let the load go: {gap} µs");
+}
+
+/// The same bars its polls.
+#[test]
+fn the_fault_word_of_an_armed_motor_is_read_while_four_thrusters_that_are_mute_are_stopped() {
+    let (mut rig, play) = rmd_and_thrusters(4, 500, 20_000);
+    for axis in 0..=4 {
+        arm_axis(&mut rig, axis);
+    }
+    run_with_host(&mut rig, 200_000);
+    let since = rig.now_us - 150_000;
+    play.borrow_mut().mute = true;
+    (1..=4).for_each(|axis| bench::disarm_axis(&mut rig, axis));
+    run_with_host(&mut rig, 400_000);
+    assert_eq!(listed(&mut rig, 0), AxisState::Armed);
+    let gap = rig.longest_gap_us(0, since, "141#9A");
+    assert!(gap < 130_000, "{gap} µs");
+}
+
+/// The motor holds by its stop until its brake is locked, and lets go before.
+#[test]
+fn a_brake_is_locked_in_time_while_four_thrusters_that_are_mute_are_stopped() {
+    let (mut rig, play) = rmd_and_thrusters(4, 750, 100_000);
+    let brake = Value::Unsigned(u32::from(StopAction::Brake.number()));
+    parameter(&mut rig, 0, AxisParameter::StopAction, brake);
+    for axis in 0..=4 {
+        arm_axis(&mut rig, axis);
+    }
+    run_with_host(&mut rig, 100_000);
+    let since = rig.now_us - 50_000;
+    play.borrow_mut().mute = true;
+    bench::e_stop(&mut rig);
+    run_with_host(&mut rig, 3_000_000);
+    let locked = rig.wire.iter().find(|(at, _, text)| *at > since && text.starts_with("141#78"));
+    let locked_at = locked.expect("it is told to lock its brake").0;
+    let heard = rig
+        .wire
+        .iter()
+        .filter(|(at, _, text)| (since..=locked_at).contains(at) && text.starts_with("141#"));
+    let heard: Vec<u64> = heard.map(|(at, ..)| *at).collect();
+    let gap = heard.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
+    assert!(gap < 750_000, "its own timeout has let the load go: {gap} µs");
+}
+
+/// The steps of the arming are barred for 250 ms, and the polls that keep it holding are not sent.
+#[test]
+fn a_motor_that_holds_is_armed_while_another_stop_cannot_leave() {
+    let (mut rig, _) = rmd_and_thrusters(1, 100, 5_000);
+    arm_axis(&mut rig, 1);
+    arm(&mut rig);
+    disarm(&mut rig);
+    run_with_host(&mut rig, 200_000);
+    // Loses to the RMD and wins against the thruster.
+    rig.babble(Some(0x2F0));
+    let since = rig.now_us;
+    bench::disarm_axis(&mut rig, 1);
+    rig.run(20_000);
+    rig.send(&Request::Arm(requests::Arm { axis: 0 }));
+    run_with_host(&mut rig, 400_000);
+    let gap = rig.longest_gap_us(0, since, "141#");
+    assert!(gap < 100_000, "its own timeout has let the load go: {gap} µs");
+}
