@@ -317,9 +317,16 @@ fn a_timeout_that_would_act_while_the_brake_opens_or_locks_is_refused() {
     assert_eq!(bench::provision(&mut rig, 60), Err(too_short));
     releases(&mut rig, false);
     bench::provision(&mut rig, 60).unwrap();
-    releases(&mut rig, true);
-    assert_eq!(rig.ask(Request::Arm(requests::Arm { axis: 0 })), Err(too_short));
+    let (releasing, locking) = (
+        (AxisParameter::ReleaseBrakeWhenArming, Value::Bool(true)),
+        (AxisParameter::StopAction, Value::Unsigned(StopAction::Brake.into())),
+    );
+    for (parameter, value) in [releasing, locking] {
+        let request = requests::ConfigureAxis { axis: 0, parameter: parameter.number(), value };
+        assert_eq!(rig.ask(Request::ConfigureAxis(request)), Err(too_short));
+    }
     bench::provision(&mut rig, 160).unwrap();
+    releases(&mut rig, true);
     bench::arm(&mut rig);
 }
 

@@ -156,7 +156,7 @@ fn a_motor_that_is_stopped_while_it_restarts_leaves_the_line_to_the_others_in_tu
     keep_moving(&mut rig, &[(1, epoch)], VELOCITY, 1_000_000);
     assert_eq!(bench::listed(&mut rig, 1), AxisState::Active);
     let gap = rig.longest_gap_us(2, since, "3E02");
-    assert!(gap <= 35_000, "{gap} µs in which the motor has heard nothing");
+    assert!(gap <= 45_000, "{gap} µs in which the motor has heard nothing");
 }
 
 /// Two RMDs in motion on a line whose reply window is 200 ms.
@@ -208,7 +208,7 @@ fn a_motor_that_answers_is_confirmed_beside_one_that_does_not_behind_long_window
 #[test]
 fn a_motor_that_misses_its_stops_leaves_the_line_to_the_others_in_turn() {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
-    bench::provision(&mut rig, 60).unwrap();
+    bench::provision(&mut rig, 90).unwrap();
     for axis in [1, 2] {
         bench::configure_axis(&mut rig, axis, 2, Protocol::Rmd, axis + 1, StopAction::Hold);
     }

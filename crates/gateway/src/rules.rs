@@ -5,6 +5,7 @@
 use crate::bus_rules;
 use crate::config::{Address, AxisConfig};
 use crate::protocol::{self, Command, Demand, Effect, Exchange, Info, Native};
+use crate::time::Duration;
 use host_protocol::{AxisParameter, BusKind, Error, Quantity, Setpoint, StopAction, Value};
 
 /// The rules of one axis, for a program that asks what its gateway would refuse before it sends.
@@ -58,13 +59,12 @@ impl AxisRules {
         check_config(self.axis, self.bus, &self.config)
     }
 
-    /// Refuses a time that the motor's own timeout cannot be set to, on a bus that awaits replies
-    /// for so long.
+    /// Refuses a time that the motor's own timeout cannot be set to, whatever else is on its bus.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] and [`Error::ReplyWindowTooLong`].
-    pub fn check_motor_timeout(&self, timeout_ms: u32, reply_window_us: u32) -> Result<(), Error> {
-        check_timeout(self.axis, timeout_ms, reply_window_us, &self.config)
+    /// [`Error::OutOfRange`].
+    pub fn check_motor_timeout(&self, timeout_ms: u32) -> Result<(), Error> {
+        protocol::check_timeout(timeout_ms, &self.config)
     }
 
     /// Refuses a setpoint that the axis would not take.
@@ -134,26 +134,27 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
     }
 }
 
-/// So many quarters of its bus's reply window a motor's own timeout lasts at least. A request whose
-/// reply is lost takes two windows, and the one before it went out a third of the timeout earlier;
-/// and the timeout acts up to a twentieth too early, as the motor's clock may be faster than ours.
-const QUARTER_WINDOWS: u64 = 13;
+/// So many eighths of what a frame that is no stop waits for on its bus at most a motor's own timeout
+/// lasts at least: the frame before went out a third of the timeout earlier, and the timeout acts up
+/// to a twentieth too early, as the motor's clock may be faster than ours.
+const EIGHTHS_OF_WAIT: u64 = 13;
 
-/// Refuses a time that the motor's own timeout cannot be set to, and one that acts where one reply
-/// is lost: what the motor holds would drop.
+/// Refuses a time that the motor's own timeout cannot be set to, and one that may act while its bus
+/// keeps what it must hear waiting for so long: what the motor holds would drop.
 pub(crate) fn check_timeout(
     axis: u8,
     timeout_ms: u32,
-    reply_window_us: u32,
+    waits: Duration,
     config: &AxisConfig,
 ) -> Result<(), Error> {
     protocol::check_timeout(timeout_ms, config)?;
     // What is only on or off does not say when it acts.
     let has_time = timeout_ms != 0 && !protocol::is_served(Exchange::TimeoutSwitch, config);
-    let least_us = (u64::from(reply_window_us) * QUARTER_WINDOWS).div_ceil(4);
-    if has_time && u64::from(timeout_ms) * 1_000 < least_us {
-        let motor_timeout_ms = timeout_ms;
-        return Err(Error::ReplyWindowTooLong { axis, motor_timeout_ms, reply_window_us });
+    let least_ms = (waits.as_micros() * EIGHTHS_OF_WAIT).div_ceil(8 * 1_000);
+    if has_time && u64::from(timeout_ms) < least_ms {
+        let (motor_timeout_ms, least_ms) =
+            (timeout_ms, u32::try_from(least_ms).unwrap_or(u32::MAX));
+        return Err(Error::MotorTimeoutTooShort { axis, motor_timeout_ms, least_ms });
     }
     Ok(())
 }

@@ -502,12 +502,12 @@ errors! {
     137 BeyondFlightRecord { parts: u16, length: u32 }
         "the flight recorder has kept {parts} parts, {length} bytes in this one, and nothing beyond; \
         read it from the beginning";
-    /// The motor's own timeout acts where one reply is lost: what is lost costs two reply windows
-    /// of the bus, and the motor hears something every third of its timeout.
-    138 ReplyWindowTooLong { axis: u8, motor_timeout_ms: u32, reply_window_us: u32 }
-        "the motor of axis {axis} lets go after {motor_timeout_ms} ms, and one lost reply costs two \
-        reply windows of its bus, {reply_window_us} µs each; a timeout of 3.25 such windows outlasts \
-        that";
+    /// The motor's own timeout acts before its bus has surely had time for what the motor hears
+    /// every third of it: behind the stops of all others there, or a lost reply.
+    138 MotorTimeoutTooShort { axis: u8, motor_timeout_ms: u32, least_ms: u32 }
+        "the motor of axis {axis} lets go after {motor_timeout_ms} ms, and its bus may keep it waiting \
+        for so long: the stops of all others there go first, and a lost reply takes two reply \
+        windows; {least_ms} ms and more outlast that";
 }
 
 impl core::error::Error for Error {}

@@ -33,6 +33,7 @@ field_docs! { $
     host_major "What the host speaks.";
     id "The CAN id.";
     kind "What it is.";
+    least_ms "What is long enough, ms.";
     length "Bytes of the part.";
     max "The largest allowed.";
     max_axes "Axes are numbered from 0 to one less than this.";
@@ -55,7 +56,6 @@ field_docs! { $
     protocol "The protocol of the motor.";
     quantity "Which value.";
     reason "Why.";
-    reply_window_us "How long its bus awaits a reply, µs.";
     room "Bytes of the longest image.";
     running "The version that runs.";
     stated "The dialect of the axis, by its number in `rmd_dialect`.";

@@ -142,7 +142,7 @@ impl Page {
             | Error::CannotStartTogether { .. } => Self::DoesNotArm,
             Error::MotorTimeoutUnknown { .. }
             | Error::MotorTimeoutOff { .. }
-            | Error::ReplyWindowTooLong { .. } => Self::MotorTimeout,
+            | Error::MotorTimeoutTooShort { .. } => Self::MotorTimeout,
             Error::NotStandstill { .. } => Self::MotorTurns,
             Error::BrakeLocked { .. } | Error::BrakeOn { .. } => Self::BrakeLocked,
             Error::NotArmed { .. }

@@ -290,8 +290,8 @@ fn with_way_out(error: &Error) -> String {
         Error::MotorTimeoutUnknown { axis } | Error::MotorTimeoutOff { axis } => {
             format!("{error}: `mgw config timeout {axis} 300`")
         }
-        Error::ReplyWindowTooLong { axis, .. } => {
-            format!("{error}: `mgw config timeout {axis} MS`, or a shorter reply_window_us")
+        Error::MotorTimeoutTooShort { axis, least_ms, .. } => {
+            format!("{error}: `mgw config timeout {axis} {least_ms}`, or a shorter reply_window_us")
         }
         Error::NotIdle { axis, state: AxisState::Holding } | Error::BusInUse { axis, .. } => {
             format!("{error}: `mgw output-off {axis}`")

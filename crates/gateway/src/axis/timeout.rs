@@ -73,10 +73,10 @@ impl Axis {
         }
     }
 
-    /// Refuses a timeout that would act while the axis is being armed, or behind one lost reply:
-    /// what this takes was configured since.
-    pub fn check_programmed_timeout(&self, reply_window_us: u32) -> Result<(), Error> {
-        rules::check_timeout(self.index, self.written_timeout_ms, reply_window_us, &self.config)
+    /// Refuses a timeout that would act while the axis is being armed, or while what the motor must
+    /// hear `waits`: what this takes was configured since.
+    pub fn check_programmed_timeout(&self, waits: Duration) -> Result<(), Error> {
+        rules::check_timeout(self.index, self.written_timeout_ms, waits, &self.config)
     }
 
     /// Whether arming settles what is known: it asks the motor, or tells it again what was

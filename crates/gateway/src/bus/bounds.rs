@@ -39,8 +39,12 @@ pub(super) struct Bounds {
     pub streamed_at_once: Duration,
     /// The share of the bus's time that these take.
     pub streamed_permille: u64,
-    /// [`Bus::ordinary_bound`].
+    /// Within what time a frame that is no stop has left after it was due: behind two requests of
+    /// each axis, as every other one of an axis is a poll.
     ordinary: Duration,
+    /// How long a motor waits for what it must hear, a reply of its own being lost: behind the
+    /// requests of the others.
+    feeding: Duration,
 }
 
 impl Bounds {
@@ -125,14 +129,16 @@ impl Bus {
             bounds.streamed_permille += streamed_permille(axis, frame);
         }
         self.bounds = bounds;
-        self.bounds.ordinary = self.ordinary_bound(axes);
+        let count: u64 = self.here(axes).len().into();
+        self.bounds.ordinary = self.ordinary_bound(axes, 2 * count);
+        self.bounds.feeding = self.ordinary_bound(axes, 2 * count.saturating_sub(1));
     }
 
     /// Within what time a frame that is no stop has left after it was due, if nobody else talks:
-    /// behind the stop of each axis here, behind two requests of each, as every other one of an
-    /// axis is a poll, with what their replies may take, and behind the own one before: the window
-    /// of its reply, and as long again where that may come late.
-    fn ordinary_bound(&self, all: &Axes) -> Duration {
+    /// behind the stop of each axis here, behind so many requests, with what their replies may
+    /// take, and behind the own one before: the window of its reply, and as long again where that
+    /// may come late.
+    fn ordinary_bound(&self, all: &Axes, requests: u64) -> Duration {
         let axes = self.here(all).len().into();
         let window = self.reply_window();
         let exchange = match self.kind() {
@@ -149,7 +155,12 @@ impl Bus {
         };
         let further = self.frame_time(2 * self.bounds.further_replies);
         self.bound(axes, all)
-            + self.bounds.beside_streams(window.times(2) + exchange.times(2 * axes) + further)
+            + self.bounds.beside_streams(window.times(2) + exchange.times(requests) + further)
+    }
+
+    /// How long a motor here may wait for what it must hear; no time where nothing carries it.
+    pub fn feeds_within(&self) -> Duration {
+        if self.config.is_some() { self.bounds.feeding } else { Duration::ZERO }
     }
 
     /// Within what time a setpoint that is due must have left; at once where nothing carries it.

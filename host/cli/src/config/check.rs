@@ -58,6 +58,7 @@ pub fn check(file: &File, configuration: &Configuration, board: &BoardPorts) -> 
     for axis in configuration.axes.keys() {
         check.axis(*axis, configuration, board);
     }
+    check.motor_timeouts(configuration);
     check.names(configuration);
     let mut findings = check.findings;
     findings.sort_by_key(|finding| finding.line);
@@ -92,6 +93,22 @@ struct Check<'a> {
 }
 
 impl Check<'_> {
+    /// How long those last at least depends on all that is on their buses.
+    fn motor_timeouts(&mut self, configuration: &Configuration) {
+        for (axis, timeout_ms) in &configuration.motor_timeouts {
+            let row = Subject::Axis(*axis);
+            let its_own = configuration.check_motor_timeout(*axis);
+            let refused =
+                its_own.and_then(|()| self.core.gateway.check_timeout(*axis, *timeout_ms));
+            if self.file.names(row)
+                && let Err(error) = refused
+                && !matches!(error, Error::UnknownAxis { .. })
+            {
+                self.finds(row, Some(MOTOR_TIMEOUT), &error);
+            }
+        }
+    }
+
     fn bus(&mut self, bus: u8, config: &host_protocol::BusConfig) {
         let row = Subject::Bus(bus);
         let mut is_complete = true;
@@ -134,11 +151,6 @@ impl Check<'_> {
                 let text = format!("bus {bus} is not configured; add [[bus]] with bus = {bus}");
                 self.says(row, Some("bus"), "BusNotConfigured", text);
             }
-        }
-        if self.file.names(row)
-            && let Err(error) = configuration.check_motor_timeout(axis)
-        {
-            self.finds(row, Some(MOTOR_TIMEOUT), &error);
         }
         // One refusal may hide another: it is tried again without the parameter that was refused, or
         // with a stop action that every motor has.

@@ -338,7 +338,8 @@ impl Configuration {
         self.bus_of(axis).filter(|bus| !self.buses.contains_key(bus))
     }
 
-    /// Refuses the timeout of the motor of an axis where that could not be set to it.
+    /// Refuses the timeout of the motor of an axis where that could not be set to it, whatever else
+    /// is on its bus.
     pub fn check_motor_timeout(&self, axis: u8) -> Result<(), Error> {
         let Some(timeout_ms) = self.motor_timeouts.get(&axis) else { return Ok(()) };
         // It does not depend on the kind of the bus.
@@ -347,9 +348,7 @@ impl Configuration {
             // Its range was looked at when it was read.
             let _ = rules.set(*parameter, *value);
         }
-        let bus = self.bus_of(axis).and_then(|bus| self.buses.get(&bus));
-        let window_us = bus.map_or(0, |config| config.reply_window_us);
-        rules.check_motor_timeout(*timeout_ms, window_us)
+        rules.check_motor_timeout(*timeout_ms)
     }
 
     /// The bus of an axis, if it has one.

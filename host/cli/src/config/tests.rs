@@ -69,12 +69,14 @@ fn a_motor_timeout_that_is_shorter_than_its_bus_waits_is_told() {
         )
     };
     assert_eq!(
-        wrong(&with(200_000, 649)),
-        ["a.toml: line 12, axis 0: the motor of axis 0 lets go after 649 ms, and one lost reply \
-             costs two reply windows of its bus, 200000 µs each; a timeout of 3.25 such windows \
-             outlasts that"]
+        wrong(&with(200_000, 650)),
+        [
+            "a.toml: line 12, axis 0: the motor of axis 0 lets go after 650 ms, and its bus may keep \
+             it waiting for so long: the stops of all others there go first, and a lost reply takes \
+             two reply windows; 651 ms and more outlast that"
+        ]
     );
-    for (window_us, timeout_ms) in [(200_000, 650), (5_000, 20), (200_000, 0)] {
+    for (window_us, timeout_ms) in [(200_000, 651), (5_000, 20), (200_000, 0)] {
         assert!(wrong(&with(window_us, timeout_ms)).is_empty());
     }
 }

@@ -104,11 +104,9 @@ impl Gateway {
             return Err(Error::NoChangesBegun {});
         }
         let reach = self.check_states()?;
-        let Self { draft, axes, buses, names, .. } = self;
-        draft.exchange(axes, buses, names);
-        if let Err(error) = self.check_changed().and_then(|()| self.check_names()) {
-            let Self { draft, axes, buses, names, .. } = self;
-            draft.exchange(axes, buses, names);
+        self.exchange_draft();
+        if let Err(error) = self.check_changed(&reach).and_then(|()| self.check_names()) {
+            self.exchange_draft();
             return Err(error);
         }
         self.take_changes_over(now, &reach);
@@ -118,6 +116,19 @@ impl Gateway {
         retention.changed(axes, buses, is_named);
         self.measure(buses, axes, gateway);
         Ok(())
+    }
+
+    /// What is configured takes the place of the changes, and the other way round; how long others
+    /// wait on the buses follows.
+    fn exchange_draft(&mut self) {
+        let Self { draft, axes, buses, names, .. } = self;
+        draft.exchange(axes, buses, names);
+        self.settle(self.now);
+        let Self { draft, axes, buses, .. } = self;
+        buses
+            .iter_mut()
+            .filter(|bus| draft.bus(bus.index()).is_some())
+            .for_each(|bus| bus.measure(axes));
     }
 
     /// Refuses the changes while what they change is in use. Returns what they reach.
@@ -212,7 +223,7 @@ impl Gateway {
     }
 
     /// Refuses changes that have been made and do not fit together.
-    fn check_changed(&self) -> Result<()> {
+    fn check_changed(&self, reach: &Reach) -> Result<()> {
         let (changed, mut loaded) = (self.draft.axes(), self.draft.buses());
         for axis in self.axes.iter() {
             let on_changed = axis.config.bus().is_some_and(|bus| self.draft.bus(bus).is_some());
@@ -220,6 +231,13 @@ impl Gateway {
                 self.check_axis(axis.index, &axis.config)?;
                 loaded.add(axis.config.bus().map_or(Set::NONE, Set::of));
             }
+        }
+        // What was told a motor that others reach from now on is forgotten.
+        let told = |axis: &&Axis| {
+            axis.config.bus().is_some_and(|bus| loaded.has(bus)) && !reach.moved.has(axis.index)
+        };
+        for axis in self.axes.iter().filter(told) {
+            axis.check_programmed_timeout(self.waits(axis))?;
         }
         self.buses
             .iter()

@@ -24,7 +24,7 @@ use crate::log::LogEntry;
 use crate::outbox::Ticket;
 use crate::protocol::Exchange;
 use crate::rules;
-use crate::time::Instant;
+use crate::time::{Duration, Instant};
 use crate::tracked::Tracked;
 use host_protocol::{
     AuthorityLossReason, AxisParameter, AxisState, BusCapability, BusConfig, Change, ClearTarget,
@@ -257,15 +257,24 @@ impl Gateway {
     ) -> Result<()> {
         self.refuse_e_stopped(request.axis)?;
         let axis = self.idle_axis(request.axis)?;
-        let window_us = self.reply_window_us(axis);
-        rules::check_timeout(request.axis, request.timeout_ms, window_us, &axis.config)?;
+        rules::check_timeout(request.axis, request.timeout_ms, self.waits(axis), &axis.config)?;
         self.start(now, request.axis, JobKind::Provision { timeout_ms: request.timeout_ms }, ticket)
     }
 
-    /// How long the bus of an axis awaits replies; no time where there is none.
-    fn reply_window_us(&self, axis: &Axis) -> u32 {
-        let bus = axis.config.bus().and_then(|bus| self.bus(bus).ok()?.config());
-        bus.map_or(0, |config| config.reply_window_us)
+    /// How long what its motor must hear may wait on the bus of an axis; no time where there is none.
+    fn waits(&self, axis: &Axis) -> Duration {
+        let bus = axis.config.bus().and_then(|bus| self.bus(bus).ok());
+        bus.map_or(Duration::ZERO, Bus::feeds_within)
+    }
+
+    /// Refuses a time for the own timeout of an axis's motor that it cannot be set to, or may not on
+    /// its bus as it is configured.
+    ///
+    /// # Errors
+    /// [`Error::UnknownAxis`], [`Error::OutOfRange`] and [`Error::MotorTimeoutTooShort`].
+    pub fn check_timeout(&self, axis: u8, timeout_ms: u32) -> Result<()> {
+        let known = self.axis(axis)?;
+        rules::check_timeout(axis, timeout_ms, self.waits(known), &known.config)
     }
 
     fn arm(&mut self, now: Instant, index: u8, ticket: Ticket) -> Result<()> {
@@ -288,7 +297,7 @@ impl Gateway {
         if !axis.arming_settles_the_timeout() {
             axis.check_motor_timeout(now)?;
         }
-        axis.check_programmed_timeout(self.reply_window_us(axis))?;
+        axis.check_programmed_timeout(self.waits(axis))?;
         if !crate::protocol::can_confirm(&axis.config) {
             return Err(Error::CannotConfirm { axis: index });
         }
