@@ -56,6 +56,28 @@ fn a_clearing_ends_when_the_motor_turns_again() {
     assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
 }
 
+/// The motor was silent for longer than its own timeout may last; then it answers a poll, while a
+/// stop that was asked for waits for its answer.
+#[test]
+fn a_stop_that_begins_anew_waits_for_no_answer() {
+    let (mut rig, play) = tripped();
+    play.borrow_mut().mute = true;
+    run_with_host(&mut rig, 110_000);
+    let since = rig.now_us;
+    while !rig.sent_since(0, since).iter().any(|text| text.starts_with("141#9C")) {
+        rig.run(10);
+    }
+    rig.run(200);
+    send_stop(&mut rig);
+    rig.run(200);
+    assert_eq!(rig.wire.last().unwrap().2, HOLD);
+    let since = rig.now_us;
+    rig.receive(0, "241#9C32640000006801");
+    assert_eq!(listed(&mut rig, 0), AxisState::Tripped { confirmed: false });
+    rig.run(1_000);
+    assert_eq!(rig.sent_since(0, since), [HOLD]);
+}
+
 #[test]
 fn an_e_stop_while_clearing_is_sent_and_ends_the_clearing() {
     let (mut rig, _) = tripped();

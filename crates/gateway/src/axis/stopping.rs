@@ -79,11 +79,13 @@ impl Axis {
         self.stop_anew(now, out);
     }
 
-    /// The confirmed stop of a tripped axis begins anew.
+    /// The confirmed stop of a tripped axis begins anew: what is under way makes room, but for a
+    /// stop that has still to leave.
     fn stop_anew(&mut self, now: Instant, out: &mut Outbox<'_>) {
         let before = self.state();
         if let State::Tripped(_, stop) = &mut self.state {
             *stop = Stop::new(now, false, &self.config);
+            self.transactions.preempt_all_but_a_stop();
             self.no_longer_confirmed(now, before, out);
         }
     }
