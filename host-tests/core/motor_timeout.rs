@@ -324,49 +324,75 @@ const OTHERS: [(u32, &str, Told); 7] = [
     (6, "B50103", Says("241#B501032D33370000")),
 ];
 
-/// An RMD that was told 400 ms, its own dialect stated.
-fn told(dialect: u32) -> Rig {
+/// What an RMD can be told, ms, and what is known of it then.
+const TOLD: [(u32, MotorTimeout); 2] = [(400, KNOWN), (0, MotorTimeout::Off)];
+
+/// An RMD that was told a timeout, or none, its own dialect stated; none is allowed.
+fn told(dialect: u32, timeout_ms: u32) -> Rig {
     let (mut rig, play) = bench::rmd(StopAction::Hold);
     play.borrow_mut().dialect = dialect;
     parameter(&mut rig, 0, AxisParameter::RmdDialect, Value::Unsigned(dialect));
     parameter(&mut rig, 0, AxisParameter::AllowUnknownMotorTimeout, Value::Bool(false));
-    provision(&mut rig, 400).unwrap();
+    parameter(&mut rig, 0, AxisParameter::AllowNoMotorTimeout, Value::Bool(true));
+    provision(&mut rig, timeout_ms).unwrap();
     rig
+}
+
+impl Told {
+    /// The motor answers this to the reads that begin so.
+    fn to(self, rig: &mut Rig, read: &'static str) {
+        rig.instead(move |text| match (text[4..].starts_with(read), self) {
+            (false, _) => Instead::AsUsual,
+            (true, Says(reply)) => Instead::Says(reply),
+            (true, Nothing) => Instead::Nothing,
+        });
+    }
 }
 
 #[test]
 fn another_rmd_in_the_place_of_the_one_that_was_told_its_timeout_is_not_armed_on_it() {
-    for resets in [false, true] {
+    for (resets, (timeout_ms, known)) in [(false, TOLD[0]), (true, TOLD[0]), (true, TOLD[1])] {
         for (dialect, read, answer) in OTHERS {
-            let mut rig = told(dialect);
-            assert_eq!(arm(&mut rig), Ok(KNOWN));
+            let mut rig = told(dialect, timeout_ms);
+            assert_eq!(arm(&mut rig), Ok(known));
             if resets {
                 rig.reset();
                 bench::hello(&mut rig);
                 run_with_host(&mut rig, 50_000);
-                assert_eq!(arm(&mut rig), Ok(KNOWN));
+                assert_eq!(arm(&mut rig), Ok(known));
             }
-            rig.instead(move |text| match (text[4..].starts_with(read), answer) {
-                (false, _) => Instead::AsUsual,
-                (true, Says(reply)) => Instead::Says(reply),
-                (true, Nothing) => Instead::Nothing,
-            });
+            answer.to(&mut rig, read);
             let refused = Err(Error::MotorTimeoutUnknown { axis: 0 });
-            assert_eq!(arm(&mut rig), refused, "{dialect} {read}");
+            assert_eq!(arm(&mut rig), refused, "{timeout_ms} {dialect} {read}");
             // What it is told itself counts.
             run_with_host(&mut rig, 100_000);
             bench::output_off(&mut rig).unwrap();
-            provision(&mut rig, 400).unwrap();
-            assert_eq!(arm(&mut rig), Ok(KNOWN), "{dialect} {read}");
+            provision(&mut rig, timeout_ms).unwrap();
+            assert_eq!(arm(&mut rig), Ok(known), "{timeout_ms} {dialect} {read}");
         }
+    }
+}
+
+/// Nor because another timeout was to take its place, which the motor did not hear.
+#[test]
+fn another_rmd_in_the_place_of_one_without_a_timeout_has_an_unknown_one() {
+    for timeout_ms in [300, 0] {
+        let mut rig = told(1, 0);
+        Nothing.to(&mut rig, "B3");
+        assert!(provision(&mut rig, timeout_ms).is_err());
+        assert_eq!(arm(&mut rig), Ok(MotorTimeout::Off));
+        Says("241#B20000002E893401").to(&mut rig, "B2");
+        assert_eq!(arm(&mut rig), Err(Error::MotorTimeoutUnknown { axis: 0 }), "{timeout_ms}");
     }
 }
 
 /// One answer that gets lost makes it no other motor.
 #[test]
 fn a_lost_answer_of_an_rmd_makes_it_no_other_one() {
-    for (dialect, read, _) in OTHERS {
-        let mut rig = told(dialect);
+    for ((timeout_ms, known), (dialect, read, _)) in
+        TOLD.into_iter().flat_map(|told| OTHERS.map(|other| (told, other)))
+    {
+        let mut rig = told(dialect, timeout_ms);
         let mut lost = 0;
         rig.instead(move |text| {
             lost += u32::from(text[4..].starts_with(read));
@@ -377,6 +403,6 @@ fn a_lost_answer_of_an_rmd_makes_it_no_other_one() {
                 Instead::AsUsual
             }
         });
-        assert_eq!(arm(&mut rig), Ok(KNOWN), "{dialect} {read}");
+        assert_eq!(arm(&mut rig), Ok(known), "{timeout_ms} {dialect} {read}");
     }
 }

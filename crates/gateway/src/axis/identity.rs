@@ -67,15 +67,15 @@ impl Axis {
     pub(super) fn needs_no_identity(&self, read: u8) -> bool {
         self.job.as_ref().is_some_and(|job| {
             let arms = matches!(job.kind, JobKind::Arm { .. });
-            arms && !self.has_stored_timeout() || read > MODEL && !job.model_goes_on
+            arms && !self.keeps_what_it_was_told() || read > MODEL && !job.model_goes_on
         })
     }
 
-    /// Arming needs a known timeout. What was stored by another motor than the one that answers is
-    /// none of its own.
+    /// Arming needs a known timeout. What another motor than the one that answers was told tells
+    /// nothing of its own.
     pub(super) fn check_told_timeout(&mut self, now: Instant) -> Result<(), Error> {
         let answers = self.job.as_ref().map_or(Identity::UNKNOWN, |job| job.identity);
-        if self.has_stored_timeout() && answers != self.told_motor {
+        if self.keeps_what_it_was_told() && answers != self.told_motor {
             self.forget_motor_timeout();
         }
         self.check_motor_timeout(now)

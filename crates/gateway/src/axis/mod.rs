@@ -88,7 +88,7 @@ pub(crate) struct Axis {
     /// something may have changed it since. It outlives a reset of the gateway, and arming
     /// writes it again where the motor may lose it, also where `motor_timeout` is unknown.
     written_timeout_ms: u32,
-    /// Which motor that was; it outlives a reset of the gateway too.
+    /// Which motor that was, or was told that it has none; it outlives a reset of the gateway too.
     told_motor: Identity,
     /// That the timeout is off is assumed of a command that the motor is to be told; nobody knew
     /// before.

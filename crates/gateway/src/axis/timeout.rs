@@ -136,12 +136,14 @@ impl Axis {
     }
 
     /// The motor is about to be told a timeout. Until it has answered it may have the one or the
-    /// other; none, where that is one of them.
+    /// other; none, where that is one of them. Who had none is still known then.
     pub(super) fn provisioning(&mut self, timeout_ms: u32) {
-        let was_off = self.motor_timeout == MotorTimeout::Off;
+        self.off_is_assumed = self.motor_timeout != MotorTimeout::Off;
+        if !self.off_is_assumed {
+            return;
+        }
         self.forget_motor_timeout();
-        self.off_is_assumed = !was_off;
-        if was_off || is_as_good_as_none(timeout_ms) {
+        if is_as_good_as_none(timeout_ms) {
             self.timeout_is(MotorTimeout::Off);
         }
     }
@@ -173,11 +175,11 @@ impl Axis {
             _ if self.tells_whether_on() => MotorTimeout::Unknown,
             other if is_as_good_as_none(other) => MotorTimeout::Off,
             _ => {
-                (self.written_timeout_ms, self.told_motor) = (timeout_ms, told_motor);
-                self.is_unsaved = true;
+                (self.written_timeout_ms, self.is_unsaved) = (timeout_ms, true);
                 MotorTimeout::Written { timeout_ms }
             }
         };
+        self.told_motor = told_motor;
         self.timeout_is(known);
     }
 
@@ -201,6 +203,7 @@ impl Axis {
         if word & RESTART_OWED != 0 {
             self.set_restart_owed(true);
         }
+        self.told_motor = Identity::of_bits(word >> TOLD_MOTOR_AT);
         if word & TIMEOUT_OFF != 0 {
             self.motor_timeout = MotorTimeout::Off;
         }
@@ -208,7 +211,6 @@ impl Axis {
         if is_as_good_as_none(timeout_ms) {
             return;
         }
-        self.told_motor = Identity::of_bits(word >> TOLD_MOTOR_AT);
         self.written_timeout_ms = timeout_ms;
         if self.stores_its_timeout() {
             self.motor_timeout = MotorTimeout::Written { timeout_ms };
@@ -235,9 +237,12 @@ impl Axis {
         }
     }
 
-    /// Whether the motor was told a timeout that it keeps without power.
-    pub(super) fn has_stored_timeout(&self) -> bool {
-        self.written_timeout_ms > 0 && self.stores_its_timeout()
+    /// Whether the motor was told a timeout, or none, that it keeps without power. That it has none
+    /// may also be assumed, of nobody knows which motor.
+    pub(super) fn keeps_what_it_was_told(&self) -> bool {
+        let is_off = self.motor_timeout == MotorTimeout::Off;
+        let was_told_none = is_off && self.told_motor != Identity::UNKNOWN;
+        (self.written_timeout_ms > 0 || was_told_none) && self.stores_its_timeout()
     }
 
     fn stores_its_timeout(&self) -> bool {
