@@ -4,8 +4,8 @@
 use crate::bench::{self, COAST, HOLD, arm, disarm, listed, output_off, run_with_host};
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Protocol, ProtocolSet, Reply, Request, StopAction, Value,
-    replies, requests,
+    AxisParameter, AxisState, Error, NoReplyHint, Protocol, ProtocolSet, Reply, Request,
+    StopAction, Value, replies, requests,
 };
 use std::cell::Cell;
 use std::rc::Rc;
@@ -152,6 +152,22 @@ fn a_stop_takes_the_place_of_letting_go() {
     rig.mend();
     run_with_host(&mut rig, 100_000);
     assert!(!rig.sent_since(0, since).contains(&COAST));
+    assert_eq!(listed(&mut rig, 0), AxisState::Holding);
+}
+
+/// It has heard 0x80, and its answers were lost.
+#[test]
+fn a_motor_that_may_have_let_go_is_told_to_hold() {
+    let mut rig = held();
+    rig.instead(|text| if text == COAST { Instead::Nothing } else { Instead::AsUsual });
+    let since = rig.now_us;
+    let no_reply = Error::NoReply { axis: 0, hint: NoReplyHint::None };
+    assert_eq!(output_off(&mut rig).unwrap_err(), no_reply);
+    assert_eq!(listed(&mut rig, 0), AxisState::Stopping);
+    run_with_host(&mut rig, 300_000);
+    let sent = rig.sent_since(0, since);
+    let told: Vec<_> = sent.into_iter().filter(|text| [COAST, HOLD].contains(text)).collect();
+    assert_eq!(told, [COAST, COAST, COAST, HOLD, HOLD]);
     assert_eq!(listed(&mut rig, 0), AxisState::Holding);
 }
 

@@ -467,10 +467,14 @@ impl Axis {
     }
 
     /// A native command may have switched the output of an idle axis's motor on, also where its
-    /// reply was lost.
+    /// reply was lost. One that held may have let go likewise, and is stopped again.
     fn note_output(&mut self, now: Instant, job: &Job, out: &mut Outbox<'_>) {
-        if matches!(self.state, State::Idle) && job.output_on {
-            self.enter_rest(now, true, out);
+        match self.state {
+            State::Idle if job.output_on => self.enter_rest(now, true, out),
+            State::Holding if job.kind == JobKind::OutputOff && !job.output_on => {
+                self.halt(now, out);
+            }
+            _ => {}
         }
     }
 
