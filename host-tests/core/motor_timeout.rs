@@ -132,6 +132,18 @@ fn a_thruster_that_was_silent_for_1_s_is_told_again_when_it_is_armed() {
     assert_eq!(state(&mut rig).motor_timeout, KNOWN);
 }
 
+/// Thruster manual §2.3: whether it keeps the 0 that it was told without power is not printed. Who
+/// allows an unknown timeout alone arms none that may be off.
+#[test]
+fn a_thruster_that_was_told_0_has_no_timeout_however_long_it_is_silent() {
+    let (mut rig, _) = bench::thruster();
+    provision(&mut rig, 0).unwrap();
+    run_with_host(&mut rig, 3_000_000);
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
+    assert_eq!(arm_allowing(&mut rig, true, false), Err(Error::MotorTimeoutOff { axis: 0 }));
+    assert_eq!(arm_allowing(&mut rig, false, true), Ok(MotorTimeout::Off));
+}
+
 #[test]
 fn a_thruster_that_does_not_take_its_timeout_again_is_not_armed() {
     let answers: [(&'static str, Error); 3] = [

@@ -29,6 +29,7 @@ const UNKNOWN_ACTS_AFTER: Duration = Duration::from_millis(100);
 
 impl Axis {
     /// What is known of the timeout now. A motor that keeps it in RAM has lost it with its power.
+    /// That it has none is believed on: nobody knows whether it keeps that.
     pub fn motor_timeout(&self, now: Instant) -> MotorTimeout {
         let silent = now.since(self.heard_at) >= POWER_MAY_HAVE_BEEN_OFF;
         match self.motor_timeout {
