@@ -229,6 +229,15 @@ impl Axis {
         }
     }
 
+    /// Whether its motor may hold, and so must hear something, an RMD's by its own timeout.
+    pub fn may_be_fed(&self) -> bool {
+        match self.told {
+            Told::Holding => true,
+            Told::Arming | Told::Armed => self.protocol() == Some(Protocol::Rmd),
+            _ => false,
+        }
+    }
+
     /// Which arming it is, once a host is told: what was offered for another one is void.
     pub fn is_of_epoch(&mut self, epoch: Option<u32>) {
         self.epoch = epoch;

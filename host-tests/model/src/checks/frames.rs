@@ -199,7 +199,7 @@ impl Oracle {
         }
         let stops = |axis: u8| {
             let axis = &self.axes[usize::from(axis)];
-            axis.duty.is_some() || axis.told == Told::Holding
+            axis.duty.is_some() || axis.may_be_fed()
         };
         let is_of_a_stop = !held.is_motion && held.axis.is_some_and(stops);
         let held_up_us = STOP_BARS_FRAMES * self.buses[usize::from(bus)].own_frame_us();
