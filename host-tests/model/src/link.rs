@@ -109,6 +109,17 @@ impl Link {
         Arrival::New
     }
 
+    /// Whether a request that comes again may be known or not: it is no longer among the latest, and
+    /// its result left so late that its place may not have been given away yet.
+    pub fn may_know(&self, message: &[u8]) -> bool {
+        let Some(index) = self.records.iter().position(|record| record.message == message) else {
+            return false;
+        };
+        let record = &self.records[index];
+        let came_after = self.records.iter().filter(|later| later.at_us >= record.result_us);
+        index >= WINDOW && record.result.is_some() && (record.again || came_after.count() < WINDOW)
+    }
+
     /// A request without a result, if it waits for too long.
     pub fn overdue(&self, now: u64, within_us: u64) -> Option<&Record> {
         let reads_since = self.reads_since?;

@@ -21,7 +21,8 @@ impl World {
             Action::Ask { link, ask } | Action::Watch { link, ask } => {
                 let Some(host) = self.hosts.get_mut(usize::from(*link)) else { return };
                 // Whether bytes are a command, and take authority, the model learns from their
-                // result; whether a raw frame was accepted, too. That is read.
+                // result; whether a raw frame was accepted, and for how long the host may be silent
+                // from now on, too. That is read.
                 if is_judged_by_its_result(ask) {
                     host.unread_until = now;
                 }
@@ -31,7 +32,8 @@ impl World {
             }
             Action::Again { link, back } => {
                 let bytes = self.hosts.get(usize::from(*link)).and_then(|host| host.again(*back));
-                if let Some(bytes) = bytes {
+                // Whether it is executed then, the model cannot know: as above.
+                if let Some(bytes) = bytes.filter(|bytes| !self.oracle.may_know(*link, bytes)) {
                     self.feed(Input::Host { link: *link, bytes });
                 }
             }
@@ -169,6 +171,11 @@ impl World {
 fn is_judged_by_its_result(ask: &Ask) -> bool {
     matches!(
         ask,
-        Ask::Native { .. } | Ask::RawOpen { .. } | Ask::RawSend { .. } | Ask::RawClose { .. }
+        Ask::Native { .. }
+            | Ask::RawOpen { .. }
+            | Ask::RawSend { .. }
+            | Ask::RawClose { .. }
+            | Ask::Silence { .. }
+            | Ask::Apply
     )
 }

@@ -5,7 +5,7 @@ use crate::axis::{Axis, Cause, Permit, Start};
 use crate::link::Arrival;
 use crate::motor::Purpose;
 use crate::oracle::Oracle;
-use crate::wire::{Clears, Kind, Request, Stops, Told};
+use crate::wire::{Clears, Deframer, Kind, Request, Stops, Told};
 
 impl Oracle {
     /// Bytes of a host arrive.
@@ -38,6 +38,18 @@ impl Oracle {
                 Arrival::NoPlace(request) => self.stop_on_request(now, &request),
             }
         }
+    }
+
+    /// Whether the gateway may take these bytes of a host for a request that was there before, or
+    /// for a new one.
+    #[must_use]
+    pub fn may_know(&self, link: u8, bytes: &[u8]) -> bool {
+        let Some(port) = self.links.get(usize::from(link)) else { return false };
+        let mut incoming = Deframer::default();
+        bytes
+            .iter()
+            .filter_map(|byte| incoming.push(*byte))
+            .any(|message| port.may_know(&message.bytes))
     }
 
     /// Executes the newest request of a link, as far as that does not depend on its result.
