@@ -14,6 +14,7 @@ pub mod exhaust;
 pub mod generate;
 mod host;
 mod motor;
+mod panics;
 mod plant;
 mod shrink;
 pub mod text;

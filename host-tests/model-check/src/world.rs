@@ -13,6 +13,7 @@ use crate::action::{Action, Ask, Step};
 use crate::bus::{Bus, OnWire, arbitration, crc16};
 use crate::host::Host;
 use crate::motor::Motor;
+use crate::panics;
 use crate::plant::{BOARD, BUSES, KINDS, LINE, LINKS, LISTENER, MOTORS, all_motors, extended_id};
 use gateway::{Gateway, Instant, MAX_AXES, Outgoing, Set};
 use host_protocol::Protocol;
@@ -53,6 +54,8 @@ pub struct World {
     named: Set,
     /// What was on the wires, if it is kept.
     trace: Option<Vec<String>>,
+    /// The core has panicked: nothing follows any more.
+    has_panicked: bool,
     /// Frames that do not reach their bus although the core believes so: a fault that must be
     /// found.
     #[cfg(test)]
@@ -82,6 +85,7 @@ impl World {
             life: Life::new(),
             named: Set::ALL,
             trace: None,
+            has_panicked: false,
             #[cfg(test)]
             swallows: None,
             #[cfg(test)]
@@ -145,12 +149,30 @@ impl World {
 
     /// Lets time pass until a step, and does it.
     pub fn step(&mut self, step: &Step) {
-        self.run_to(step.at_us);
-        self.act(&step.action);
+        self.guarded(|world| {
+            world.pass(step.at_us);
+            world.act(&step.action);
+        });
     }
 
     /// Lets time pass.
     pub fn run_to(&mut self, since_start_us: u64) {
+        self.guarded(|world| world.pass(since_start_us));
+    }
+
+    /// Makes a panic the last promise that is broken: it is told, and can be made shorter, like any
+    /// other.
+    fn guarded(&mut self, act: impl FnOnce(&mut Self)) {
+        if self.has_panicked {
+            return;
+        }
+        if let Err(said) = panics::caught(|| act(self)) {
+            self.has_panicked = true;
+            self.oracle.panicked(self.now_us, said);
+        }
+    }
+
+    fn pass(&mut self, since_start_us: u64) {
         let end = self.start_us + since_start_us;
         let mut stuck = 0;
         while let Some(next) = self.next_us() {

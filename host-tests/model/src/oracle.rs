@@ -310,6 +310,11 @@ impl Oracle {
         self.broken(Check::Restless, now, "events follow from each other without end".into());
     }
 
+    /// The core has panicked.
+    pub fn panicked(&mut self, now: u64, said: String) {
+        self.broken(Check::Panicked, now, said);
+    }
+
     /// A bus has been handed a frame, and the event before did not name it.
     pub fn not_named(&mut self, now: u64, bus: u8) {
         self.broken(Check::NotNamed, now, format!("bus {bus} has a frame and was not named"));

@@ -119,6 +119,9 @@ checks! {
     /// What follows from an event comes to an end: nothing is asked back for what is asked back for
     /// it in turn (G4).
     Restless,
+    /// Nothing that comes in makes the core panic, and what it keeps is what a look at everything
+    /// gives.
+    Panicked,
     /// A bus had a frame, and nobody was told to ask for it.
     NotNamed,
     /// G8: the last 16 trips and starts are remembered, over a reset too.

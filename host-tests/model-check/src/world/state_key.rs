@@ -32,6 +32,8 @@ impl World {
             counts: _,
             life,
             trace: _,
+            // That breaks a promise: nothing follows.
+            has_panicked: _,
             #[cfg(test)]
                 swallows: _,
             #[cfg(test)]

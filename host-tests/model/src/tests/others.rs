@@ -326,6 +326,13 @@ pub fn a_frame_for_which_nobody_was_told_to_ask() {
 }
 
 #[test]
+pub fn a_panic_of_the_core() {
+    let mut trace = Trace::new(HOLD);
+    trace.oracle.panicked(trace.now, "assertion failed".into());
+    trace.breaks(Check::Panicked);
+}
+
+#[test]
 pub fn events_that_follow_from_each_other_without_end() {
     let mut trace = Trace::new(HOLD);
     trace.oracle.never_rests(trace.now);

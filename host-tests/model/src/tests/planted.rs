@@ -51,6 +51,7 @@ fn planted(check: Check) -> fn() {
         Check::CountWrong => counts::each_counter_that_is_wrong,
         Check::ResetForgot => starts::a_reset_that_loses_an_axis,
         Check::Restless => others::events_that_follow_from_each_other_without_end,
+        Check::Panicked => others::a_panic_of_the_core,
         Check::NotNamed => others::a_frame_for_which_nobody_was_told_to_ask,
         Check::HistoryWrong => history::a_list_that_ends_too_early,
         Check::PowerLossKept => starts::a_loss_of_power_after_which_an_axis_is_configured,
