@@ -65,8 +65,6 @@ pub(crate) struct Look {
     /// The bus that it is on.
     pub bus: Set,
     config_version: u16,
-    /// Its motor answers requests to others.
-    objects: bool,
 }
 
 impl Look {
@@ -78,7 +76,6 @@ impl Look {
         stop_unsent_since: Instant::NEVER,
         bus: Set::NONE,
         config_version: 0,
-        objects: false,
     };
 
     /// At an axis at `now`. `after`: what was due until then has been done.
@@ -86,10 +83,10 @@ impl Look {
         let mut look = Self {
             bus: axis.config.bus().map_or(Set::NONE, Set::of),
             config_version: axis.config.version(),
-            objects: axis.transactions.objects,
             ..Self::NONE
         };
         look.note(Is::Unsaved, axis.is_unsaved);
+        look.note(Is::Objecting, axis.transactions.objects);
         if !axis.is_configured() {
             return look;
         }
@@ -98,7 +95,6 @@ impl Look {
         look.note(Is::Configured, true);
         look.note(Is::Awaiting, transactions.awaits_reply());
         look.note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
-        look.note(Is::Objecting, transactions.objects);
         look.note(Is::Cycling, axis.is_cycling());
         look.note(Is::InPeriod, axis.has_part());
         let [former, current] = transactions.deadlines();
@@ -128,7 +124,7 @@ impl Look {
     /// What of the axis decides how long others wait on its bus: where it is another its bus must
     /// work that out anew.
     pub fn traffic(&self) -> (Set, u16, bool) {
-        (self.bus, self.config_version, self.objects)
+        (self.bus, self.config_version, self.flags & Is::Objecting.bit() != 0)
     }
 
     /// What is so of a state. Returns when something of it is over.
