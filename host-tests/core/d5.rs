@@ -4,8 +4,8 @@
 use crate::bench::{self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, move_axis, stop};
 use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
 use host_protocol::{
-    AxisParameter, Error, Event, MotorTimeout, NoReplyHint, Protocol, Reply, Request, Setpoint,
-    StopAction, replies, requests,
+    AxisParameter, AxisState, Error, Event, MotorTimeout, NoReplyHint, Protocol, Reply, Request,
+    Setpoint, StopAction, replies, requests,
 };
 
 #[test]
@@ -458,4 +458,30 @@ fn objections_count_in_the_load_of_the_bus() {
             .unwrap()
     };
     assert_eq!((needed(false), needed(true)), (of(1_283), of(1_283 + 3 * 642 + 1_000)));
+}
+
+/// A frame that noise has changed on its way (D5 manual, table row 3) is sent again; a motor that
+/// hears nothing else is not obeyed.
+#[test]
+fn a_motor_that_has_heard_a_wrong_checksum_is_asked_again() {
+    for (wrong, state) in
+        [(1, AxisState::Active), (u32::MAX, AxisState::Tripped { confirmed: true })]
+    {
+        let (mut rig, _) = bench::d5();
+        let epoch = move_axis(&mut rig, D5_VELOCITY);
+        rig.run(1_000);
+        let mut left = wrong;
+        rig.instead(move |text| match text.get(10..18) {
+            Some("03205802") if left > 0 => {
+                left -= 1;
+                Instead::Says("00B#5D0B050307EEEEF6")
+            }
+            _ => Instead::AsUsual,
+        });
+        let since = rig.now_us;
+        keep_moving(&mut rig, &[(0, epoch)], D5_VELOCITY, 300_000);
+        assert_eq!(bench::listed(&mut rig, 0), state, "{wrong} times");
+        let sent = rig.sent_since(1, since);
+        assert!(sent.iter().filter(|text| text.contains("D50B050320")).count() >= 2, "{sent:?}");
+    }
 }

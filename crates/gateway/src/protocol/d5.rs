@@ -346,6 +346,8 @@ pub(super) fn judge(
             *seen = observe(&reply, config.sign());
             Some(Outcome::Answered)
         }
+        // The motor has heard something else: so has it not heard the request.
+        Answer::Refused(MotorError::Checksum) => None,
         Answer::Refused(_) => Some(Outcome::Refused),
         _ => None,
     }
