@@ -54,7 +54,7 @@ impl CanBus {
         }
         let is_off = self.reported.is_some_and(|reported| reported.state == BusState::BusOff);
         while !is_off && controller.has_room() {
-            let Some(Transmit { slot, frame, is_alone }) = &core.poll_transmit(now, self.bus)
+            let Some(Transmit { slot, frame, is_alone, .. }) = &core.poll_transmit(now, self.bus)
             else {
                 break;
             };

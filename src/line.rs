@@ -26,7 +26,7 @@ use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{self, UartRx, UartTx};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, TimeoutError, Timer, with_timeout};
+use embassy_time::{Duration, Instant, TimeoutError, Timer, block_for, with_timeout};
 use host_protocol::DELIMITER;
 
 use crate::dma_memory::Buffer;
@@ -40,6 +40,8 @@ const DRIVER_ENABLE_BITS: u64 = 4;
 const ARRIVING_BYTES: usize = 2;
 /// Of delimiters without anything between them one in so many is looked at.
 const DELIMITERS_AT_ONCE: u16 = 16;
+/// A pause that is over before a timer would have been set.
+const SHORT: Duration = Duration::from_micros(10);
 /// What a transmission may take longer than its bits before it counts as hung.
 const MARGIN: Duration = Duration::from_millis(2);
 
@@ -60,6 +62,8 @@ pub struct LineEvents {
     /// How much of the round was left when the line became idle; [`NEVER_IDLE`] where it has not
     /// since bytes were taken.
     idle_at: AtomicU32,
+    /// When it did, µs modulo 2³².
+    idle_us: AtomicU32,
 }
 
 /// More than a round has.
@@ -77,6 +81,7 @@ impl LineEvents {
             delimiter_at: AtomicU16::new(0),
             restart: AtomicBool::new(false),
             idle_at: AtomicU32::new(NEVER_IDLE),
+            idle_us: AtomicU32::new(0),
         }
     }
 
@@ -110,6 +115,13 @@ impl LineEvents {
         self.restart.store(true, Ordering::Relaxed);
         self.arrived.signal(());
     }
+}
+
+/// The time, µs modulo 2³².
+fn now_us() -> u32 {
+    #[expect(clippy::cast_possible_truncation, reason = "modulo 2³²")]
+    let low = Instant::now().as_micros() as u32;
+    low
 }
 
 /// The errors of a line, as a log should tell of them.
@@ -222,6 +234,7 @@ impl<T: Instance> Handler<T::Interrupt> for InterruptHandler<T> {
                 w.set_idle(flags.idle());
             });
             if is_idle {
+                T::events().idle_us.store(now_us(), Ordering::Relaxed);
                 T::events().idle_at.store(T::remaining().into(), Ordering::Relaxed);
             }
             if is_idle || T::events().says_something(T::remaining()) {
@@ -422,6 +435,19 @@ impl Sender {
         }
         self.events.arrived.signal(());
         yield_now().await;
+    }
+
+    /// Waits until the line, which has just become idle, has been so for so many bits.
+    pub async fn has_been_idle(&self, bits: u64) {
+        // It is told when it has been idle for a byte's time.
+        let pause = self.duration(bits.saturating_sub(BITS_PER_BYTE));
+        let since = now_us().wrapping_sub(self.events.idle_us.load(Ordering::Relaxed));
+        let rest = pause.checked_sub(Duration::from_micros(since.into())).unwrap_or(Duration::MIN);
+        if rest < SHORT {
+            block_for(rest);
+        } else {
+            Timer::after(rest).await;
+        }
     }
 
     /// Room for a message, to be sent by [`send_held`](Self::send_held).

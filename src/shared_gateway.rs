@@ -396,10 +396,28 @@ impl SharedGateway {
         self.mind_deadline(parts);
     }
 
-    /// Whether an RS485 bus may have a frame to send just now.
+    /// Whether an RS485 bus may have a frame to send just now, or to give back.
     #[inline(never)]
     pub fn may_want(&self, bus: u8) -> bool {
         self.with(|parts, now| parts.core.may_want(now, bus))
+    }
+
+    /// Whether that would go behind a reply.
+    #[inline(never)]
+    pub fn awaits_reply(&self, bus: u8) -> bool {
+        self.with(|parts, now| parts.core.awaits_reply(now, bus))
+    }
+
+    /// The slot of a frame that an RS485 bus is to give back.
+    #[inline(never)]
+    pub fn poll_cancel(&self, bus: u8) -> Option<u8> {
+        self.with(|parts, now| {
+            let slot = parts.core.poll_cancel(now, bus);
+            let changes = parts.core.take_changes();
+            self.hand_out(parts, now, changes);
+            self.mind_deadline(parts);
+            slot
+        })
     }
 
     /// The next frame for an RS485 bus.

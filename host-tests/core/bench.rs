@@ -21,7 +21,7 @@ pub const HOLD: &str = "141#8100000000000000";
 pub const COAST: &str = "141#8000000000000000";
 
 /// What the bench's setpoints live, µs.
-const TTL_US: u64 = 80_000;
+pub const TTL_US: u64 = 80_000;
 
 fn play() -> Shared {
     Rc::new(RefCell::new(Play::default()))

@@ -3,7 +3,7 @@
 
 use crate::bench::{self, VELOCITY, move_axis};
 use crate::rig::{Echo, Rig};
-use gateway::{Event, Outgoing};
+use gateway::{Event, Outgoing, Then};
 use host_protocol::{Request, StopAction, StopTarget, requests};
 
 /// 0x81 to RMD node 1, with its checksum.
@@ -92,14 +92,14 @@ fn a_stop_on_a_quiet_line_leaves_at_once() {
 /// The pause is 20 bits, 174 µs; a byte takes 10.
 #[test]
 fn a_line_that_its_port_has_seen_idle_for_a_byte_has_had_half_of_the_pause() {
-    for (idle, waits_us) in [(false, 174), (true, 87)] {
+    for (then, waits_us) in [(Then::Bytes, 174), (Then::Idle, 87)] {
         let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
         move_axis(&mut rig, VELOCITY);
         rig.run(50_000);
         while rig.wire.last().is_none_or(|(at, ..)| rig.now_us - *at < 3_000) {
             rig.run(10);
         }
-        rig.handle(Event::SerialReceived { bus: 2, bytes: &[0x55], idle });
+        rig.handle(Event::SerialReceived { bus: 2, bytes: &[0x55], then });
         let since = rig.now_us;
         rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
         rig.run(1_000);

@@ -5,6 +5,7 @@ mod after_reset;
 mod angles;
 mod bad_input;
 mod baud;
+mod behind_reply;
 mod bench;
 mod bitrates;
 mod borrowed_bus;

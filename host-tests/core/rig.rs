@@ -6,7 +6,7 @@ use crate::copy::Copy;
 use crate::text::{can_text, hex, is_can, unhex};
 use gateway::{
     Board, BusPort, Event, Gateway, Instant, LinkPort, MAX_SNAPSHOT, MAX_STORED_ROW, Outgoing,
-    RETAINED_WORDS, STORED_ROWS, Set, Transmit,
+    RETAINED_WORDS, STORED_ROWS, Set, Then, Transmit,
 };
 use host_protocol::{
     BootReason, BusKind, BusLimit, BusState, CHECKSUM, CanFrame, CycleEvent, CycleMessage,
@@ -115,6 +115,10 @@ pub struct Rig {
     pub left: Vec<(u64, u8, String)>,
     /// Frames that wait in a controller for an acknowledgement: bus, slot, text.
     held: Vec<(u8, u8, String)>,
+    /// The frame that waits for a reply on the serial line: bus, slot, text.
+    behind_reply: Option<(u8, u8, String)>,
+    /// Bytes of the latest frame on that line, and those that have come since it began.
+    line: (usize, usize),
     /// The setup with which each bus was started last.
     generations: [Option<u32>; BUSES],
     deframer: Deframer,
@@ -163,6 +167,8 @@ impl Rig {
             babble: None,
             left: Vec::new(),
             held: Vec::new(),
+            behind_reply: None,
+            line: (0, 0),
             generations: [None; BUSES],
             deframer: Deframer::new(),
             sequence: 0,
@@ -390,6 +396,11 @@ impl Rig {
         }
     }
 
+    /// What waits for a reply on the serial line.
+    pub fn behind_reply(&self) -> Option<&str> {
+        self.behind_reply.as_ref().map(|(.., text)| text.as_str())
+    }
+
     /// What waits in the controllers.
     pub fn held_texts(&self) -> Vec<&str> {
         self.held.iter().map(|(.., text)| text.as_str()).collect()
@@ -441,6 +452,7 @@ impl Rig {
 
     fn drop_frames(&mut self, bus: u8) {
         self.held.retain(|(on, ..)| *on != bus);
+        self.behind_reply.take_if(|(on, ..)| *on == bus);
         self.due.retain(|(_, what)| what.bus() != bus);
     }
 
@@ -464,7 +476,31 @@ impl Rig {
                 let frame = CanFrame::standard(id, &unhex(data)).unwrap();
                 self.handle(Event::CanReceived { bus, frame });
             }
-            None => self.handle(Event::SerialReceived { bus, bytes: &unhex(text), idle: false }),
+            None => {
+                let bytes = unhex(text);
+                self.line.1 += bytes.len();
+                let (own, heard) = self.line;
+                let ends = |next: &str| heard == own + unhex(next).len();
+                let next = self.behind_reply.take_if(|(.., next)| ends(next));
+                let then = if next.is_some() { Then::Frame } else { Then::Bytes };
+                if let Some((bus, slot, text)) = next {
+                    self.begins(bus, slot, text);
+                }
+                self.handle(Event::SerialReceived { bus, bytes: &bytes, then });
+            }
+        }
+    }
+
+    /// A frame is on its bus, or waits in the controller.
+    fn begins(&mut self, bus: u8, slot: u8, text: String) {
+        self.wire.push((self.now_us, bus, text.clone()));
+        if !is_can(&text) {
+            self.line = (unhex(&text).len(), 0);
+        }
+        if self.is_held_up(&text) {
+            self.held.push((bus, slot, text));
+        } else {
+            self.due.push((self.now_us + FRAME_US, Due::Left(bus, slot, text)));
         }
     }
 
@@ -534,7 +570,8 @@ impl Rig {
                 self.assert_named(bus);
                 let held = self.held.len();
                 self.held.retain(|(on, of, _)| (*on, *of) != (bus, slot));
-                if self.held.len() < held && !self.stubborn {
+                let waited = self.behind_reply.take_if(|(on, of, _)| (*on, *of) == (bus, slot));
+                if (waited.is_some() || self.held.len() < held) && !self.stubborn {
                     self.take_in(Event::Cancelled { bus, slot });
                 }
             }
@@ -556,7 +593,7 @@ impl Rig {
         for bus in 0..3 {
             self.note_named();
             let mut goes_alone = false;
-            while let Some(Transmit { slot, frame, is_alone }) =
+            while let Some(Transmit { slot, frame, is_alone, behind_reply }) =
                 self.gateway.poll_transmit(self.now(), bus)
             {
                 assert!(!goes_alone, "bus {bus} has a frame beside one that goes alone");
@@ -566,11 +603,9 @@ impl Rig {
                     Outgoing::Can(frame) => can_text(&frame),
                     Outgoing::Serial(bytes) => hex(&bytes),
                 };
-                self.wire.push((self.now_us, bus, text.clone()));
-                if self.is_held_up(&text) {
-                    self.held.push((bus, slot, text));
-                } else {
-                    self.due.push((self.now_us + FRAME_US, Due::Left(bus, slot, text)));
+                match behind_reply {
+                    true => self.behind_reply = Some((bus, slot, text)),
+                    false => self.begins(bus, slot, text),
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! The calls to a core that change it, and what has come of them.
 
-use gateway::{Event, Gateway, Instant, Set, Transmit};
+use gateway::{Event, Gateway, Instant, Set, Then, Transmit};
 use host_protocol::{CHECKSUM, CanFrame, MAX_FRAME};
 use serde::{Deserialize, Serialize};
 
@@ -123,6 +123,7 @@ const POLL_CANCEL: u8 = 5;
 const POLL_TRANSMIT: u8 = 6;
 const POLL_HOST: u8 = 7;
 const SERIAL_ENDED: u8 = 8;
+const SERIAL_ANSWERED: u8 = 9;
 const OTHER: u8 = 15;
 
 const KIND: u8 = 0x0F;
@@ -185,8 +186,13 @@ impl<'a> Call<'a> {
             Self::Handle(Event::CanReceived { bus, .. }) => (CAN_RECEIVED, bus, false),
             Self::Handle(Event::Transmitted { bus, .. }) => (TRANSMITTED, bus, false),
             Self::Handle(Event::HostBytes { link, .. }) => (HOST_BYTES, link, false),
-            Self::Handle(Event::SerialReceived { bus, idle, .. }) => {
-                (if idle { SERIAL_ENDED } else { SERIAL_RECEIVED }, bus, false)
+            Self::Handle(Event::SerialReceived { bus, then, .. }) => {
+                let kind = match then {
+                    Then::Bytes => SERIAL_RECEIVED,
+                    Then::Idle => SERIAL_ENDED,
+                    Then::Frame => SERIAL_ANSWERED,
+                };
+                (kind, bus, false)
             }
             Self::PollCancel { bus } => (POLL_CANCEL, bus, true),
             Self::PollTransmit { bus } => (POLL_TRANSMIT, bus, true),
@@ -250,9 +256,13 @@ impl<'a> Call<'a> {
                 Self::Handle(Event::Transmitted { bus: index, slot })
             }
             HOST_BYTES => Self::Handle(Event::HostBytes { link: index, bytes: bytes.take_long()? }),
-            kind @ (SERIAL_RECEIVED | SERIAL_ENDED) => {
-                let (bytes, idle) = (bytes.take_long()?, kind == SERIAL_ENDED);
-                Self::Handle(Event::SerialReceived { bus: index, bytes, idle })
+            kind @ (SERIAL_RECEIVED | SERIAL_ENDED | SERIAL_ANSWERED) => {
+                let then = match kind {
+                    SERIAL_RECEIVED => Then::Bytes,
+                    SERIAL_ENDED => Then::Idle,
+                    _ => Then::Frame,
+                };
+                Self::Handle(Event::SerialReceived { bus: index, bytes: bytes.take_long()?, then })
             }
             POLL_CANCEL => Self::PollCancel { bus: index },
             POLL_TRANSMIT => Self::PollTransmit { bus: index },

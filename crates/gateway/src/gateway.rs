@@ -203,9 +203,9 @@ impl Gateway {
                     return self.take_changes();
                 }
             }
-            Event::SerialReceived { bus, bytes, idle } => {
+            Event::SerialReceived { bus, bytes, then } => {
                 self.on_bus(now, bus, |bus, axes, out| {
-                    bus.serial_received(now, bytes, idle, axes, out)
+                    bus.serial_received(now, bytes, then, axes, out)
                 });
             }
             Event::Transmitted { bus, slot } => {
@@ -330,6 +330,13 @@ impl Gateway {
             || polled.is_some_and(|bus| bus.may_want(now, &self.axes))
     }
 
+    /// Whether the next frame for a bus would go [behind a reply](Transmit::behind_reply): what
+    /// arrives just now does not keep it from being taken.
+    pub fn awaits_reply(&self, now: Instant, bus: u8) -> bool {
+        let polled = self.buses.get(usize::from(bus));
+        polled.is_some_and(|bus| bus.may_wait_for_reply(now, &self.axes))
+    }
+
     /// The next frame for a bus, if the bus may send one now.
     pub fn poll_transmit(&mut self, now: Instant, bus: u8) -> Option<Transmit> {
         let now = self.later(now);
@@ -357,8 +364,9 @@ impl Gateway {
         self.changed_buses.put(bus, false);
     }
 
-    /// The slot of a frame that the controller of a CAN bus should cancel, if there is one:
-    /// motion that a stop or a newer setpoint has replaced before it could leave.
+    /// The slot of a frame that the port of a bus should give back, if there is one: motion that a
+    /// stop or a newer setpoint has replaced before it could leave, or what waits for a reply that
+    /// has not come.
     pub fn poll_cancel(&mut self, now: Instant, bus: u8) -> Option<u8> {
         let now = self.later(now);
         let may_want = now > self.now || self.may_want(now, bus);

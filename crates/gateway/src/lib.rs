@@ -29,7 +29,7 @@ mod tracked;
 mod transaction;
 
 pub use axis::PERIOD_US;
-pub use bus::{Assumptions, AxisPlan, BusPlan, bits_at};
+pub use bus::{Assumptions, AxisPlan, BusPlan, PAUSE_BITS, bits_at};
 pub use bus_rules::check_bus_config;
 pub use gateway::{
     Gateway, MAX_SNAPSHOT, MAX_STORED_ROW, NextRow, Part, RETAINED_WORDS, ResumeError, STORED_ROWS,
@@ -38,7 +38,8 @@ pub use host_protocol::StoredState;
 pub use log::LogEntry;
 pub use port::{
     Board, BusPort, BusSetup, Changes, Event, FlightPage, FlightRead, FlightReadError, Found,
-    FoundImage, ImageJob, Images, Light, LinkPort, Outgoing, Save, SaveError, Store, Transmit,
+    FoundImage, ImageJob, Images, Light, LinkPort, Outgoing, Save, SaveError, Store, Then,
+    Transmit,
 };
 pub use rules::{AxisRules, NativeEffect};
 pub use set::Set;

@@ -5,10 +5,12 @@
 //! - It takes frames with [`Gateway::poll_transmit`](crate::Gateway::poll_transmit) and reports
 //!   each one it took, once, by its slot: [`Event::Transmitted`] when the bus has acknowledged it
 //!   (CAN) or its last bit has left (RS485). It never holds more than one frame per slot.
-//! - It asks with [`Gateway::poll_cancel`](crate::Gateway::poll_cancel) which frames a CAN
-//!   controller should cancel, and reports each, once: [`Event::Cancelled`] if it has not been
-//!   sent and will not be, else [`Event::Transmitted`]. A port that does neither in time is started
-//!   again.
+//! - It asks with [`Gateway::poll_cancel`](crate::Gateway::poll_cancel) which frames it should give
+//!   back, of a CAN controller or [behind a reply](Transmit::behind_reply), and reports each, once:
+//!   [`Event::Cancelled`] if it has not been sent and will not be, else [`Event::Transmitted`]. A
+//!   port that does neither in time is started again.
+//! - A serial port keeps a frame that goes [behind a reply](Transmit::behind_reply) until that has
+//!   come, or the core wants it back.
 //! - When a CAN controller goes bus-off the port drops every frame it holds, then reports
 //!   [`Event::BusState`]. It does not recover by itself: the core has it start the bus again.
 //! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops
@@ -95,9 +97,8 @@ pub enum Event<'a> {
         bus: u8,
         /// The bytes, in order of arrival.
         bytes: &'a [u8],
-        /// The line has been idle for a byte's time since the last of them, which counts for the
-        /// pause before the next frame.
-        idle: bool,
+        /// What comes behind them.
+        then: Then,
     },
     /// A frame taken with `poll_transmit` has left: acknowledged on CAN, last stop bit sent on
     /// RS485.
@@ -321,6 +322,18 @@ pub enum Light {
     EStopped,
 }
 
+/// What comes on a serial line behind bytes that have arrived.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Then {
+    /// Perhaps more, at once.
+    Bytes,
+    /// The line has been idle for a byte's time, which counts for the pause before the next frame.
+    Idle,
+    /// They end the reply that a frame [waits for](Transmit::behind_reply): that frame begins when
+    /// the line has been idle for [`PAUSE_BITS`].
+    Frame,
+}
+
 /// What to send, and the slot to report it by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transmit {
@@ -330,6 +343,11 @@ pub struct Transmit {
     pub frame: Outgoing,
     /// Nothing goes beside it: the next poll gives nothing before something happens.
     pub is_alone: bool,
+    /// A serial port keeps it until the reply to the frame before has come, and sends it then by
+    /// itself ([`Then::Frame`]): the core takes the reply in while the line already carries the
+    /// frame. A reply has come when as many bytes have as the frame before and this one have, the
+    /// echo and a reply of that length, and the line is idle.
+    pub behind_reply: bool,
 }
 
 /// A frame on its way to a bus.

@@ -7,6 +7,9 @@ use gateway::{Outgoing, Transmit};
 use host_protocol::CanFrame;
 use promise_model::{BusKind, EXTENDED, is_extended, rank};
 
+/// Idle time before a frame on a serial line, bits.
+const PAUSE_BITS: usize = 20;
+
 /// A frame on the wire.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OnWire {
@@ -65,6 +68,10 @@ pub struct Bus {
     is_can: bool,
     bitrate: u64,
     held: Vec<Transmit>,
+    /// Bytes of our latest frame, and what the gateway has heard since it began.
+    line: (usize, usize),
+    /// When the frame begins whose reply has come.
+    begins_us: Option<u64>,
     sending: Option<(u64, OnWire)>,
     coming: Vec<Coming>,
     foreign: Vec<Foreign>,
@@ -82,6 +89,8 @@ impl Bus {
             is_can: KINDS[index] == BusKind::Can,
             bitrate: BUS_SETUP[index].0.into(),
             held: Vec::new(),
+            line: (0, 0),
+            begins_us: None,
             sending: None,
             coming: Vec::new(),
             foreign: Vec::new(),
@@ -125,7 +134,7 @@ impl Bus {
     pub fn give_back(&mut self, now: u64, slot: u8) -> bool {
         let is_sent =
             matches!(&self.sending, Some((_, OnWire::Ours { slot: sent, .. })) if *sent == slot);
-        if is_sent || now < self.stubborn_until {
+        if is_sent || now < self.stubborn_until || self.begins_us.is_some() {
             return false;
         }
         let before = self.held.len();
@@ -136,7 +145,24 @@ impl Bus {
     /// The controller starts anew: it forgets what it held.
     pub fn forget(&mut self) {
         self.held.clear();
+        self.begins_us = None;
         self.sending = self.sending.take().filter(|(_, what)| !matches!(what, OnWire::Ours { .. }));
+    }
+
+    /// The gateway hears so many bytes. Returns the frame that waits for them, if they end the reply:
+    /// it begins behind the pause.
+    pub fn hears(&mut self, now: u64, bytes: usize) -> Option<Outgoing> {
+        self.line.1 += bytes;
+        let (own, heard) = self.line;
+        let held = self.held.first_mut().filter(|held| held.behind_reply)?;
+        let Outgoing::Serial(next) = &held.frame else { return None };
+        if heard != own + next.len() {
+            return None;
+        }
+        held.behind_reply = false;
+        let frame = held.frame.clone();
+        self.begins_us = Some(now + self.bits_us(PAUSE_BITS));
+        Some(frame)
     }
 
     /// Who answers now is not heard: the gateway starts.
@@ -252,13 +278,20 @@ impl Bus {
                 }
             }
         }
-        if let Some(Transmit { slot, frame, .. }) = self.held.first().cloned() {
+        let waits =
+            |held: &&Transmit| held.behind_reply || self.begins_us.is_some_and(|at| now < at);
+        let held = self.held.first().filter(|held| !waits(held)).cloned();
+        if let Some(Transmit { slot, frame, .. }) = held {
             let garbled = match &self.sending {
                 Some((_, OnWire::Ours { .. })) => return,
                 Some(_) => true,
                 None => false,
             };
             let what = OnWire::Ours { slot, frame, garbled };
+            self.begins_us = None;
+            if let OnWire::Ours { frame: Outgoing::Serial(bytes), .. } = &what {
+                self.line = (bytes.len(), 0);
+            }
             self.sending = Some((now + self.length_us(&what), what));
         }
     }
@@ -279,7 +312,8 @@ impl Bus {
         let foreign =
             self.foreign.iter().map(|foreign| foreign.next_us).filter(|at| *at > now).min();
         let mended = [self.cut_until, self.short_until].into_iter().filter(|at| *at > now).min();
-        [ends, begins, foreign, mended].into_iter().flatten().min()
+        let ours = self.begins_us.filter(|at| *at > now);
+        [ends, begins, foreign, mended, ours].into_iter().flatten().min()
     }
 }
 

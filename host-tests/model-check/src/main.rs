@@ -103,10 +103,12 @@ fn run(events: u64, first_seed: u64) -> ExitCode {
     let busy = total.busy * 100 / total.events.max(1);
     println!(
         "{} events of {seeds} seeds, {busy} % while an axis was armed, active or stopping; \
-         {} motion frames, {} of them for several motors, {} armings, {} trips, {} stops confirmed, {} starts",
+         {} motion frames, {} of them for several motors, {} frames behind a reply, {} armings, {} trips, \
+         {} stops confirmed, {} starts",
         total.events,
         total.motions,
         total.started_together,
+        total.behind_replies,
         total.armed,
         total.trips,
         total.confirmed,

@@ -33,6 +33,8 @@ pub(crate) struct Held {
     pub is_stop: bool,
     /// A later step of a stop: it goes where stops go.
     pub is_step: bool,
+    /// The port of a serial line keeps it until a reply has come.
+    pub waits: bool,
     pub asked_back: bool,
     /// When it was.
     pub asked_back_us: Option<u64>,
@@ -250,7 +252,6 @@ impl Bus {
         at.min(self.cut_until).saturating_sub(self.cut_counted_us)
     }
 
-    /// The gateway has lost its power: nothing is left but a cable that is cut.
     /// As it is configured.
     pub fn setting(&self) -> BusSetting {
         let Self { bitrate, protocols, exclusive, .. } = *self;
@@ -258,6 +259,7 @@ impl Bus {
         BusSetting { bitrate, protocols, exclusive, reply_window_us }
     }
 
+    /// The gateway has lost its power: nothing is left but a cable that is cut.
     pub fn lose_power(&mut self) {
         *self = Self { cut_until: self.cut_until, ..Self::new(self.kind) };
     }
@@ -278,19 +280,40 @@ impl Bus {
     /// Time of others up to `at`: what the gateway's bounds do not count on a serial line, and
     /// silence of a motor on any.
     pub fn outside_us(&self, at: u64) -> u64 {
-        let waits = match (self.off_since, self.held.is_empty()) {
+        let waits = match (self.off_since, self.may_begin()) {
             (Some(since), _) => at.saturating_sub(since),
-            (None, false) => at.saturating_sub(self.first_since_us + self.frame_us()),
-            (None, true) => 0,
+            (None, true) => at.saturating_sub(self.first_since_us + self.frame_us()),
+            (None, false) => 0,
         };
         self.outside_us + waits
     }
 
     pub fn hand(&mut self, now: u64, held: Held) {
-        if self.held.is_empty() {
+        if !self.may_begin() {
             self.first_since_us = now;
         }
         self.held.push(held);
+    }
+
+    /// Whether the controller holds a frame that waits for nothing but the bus.
+    fn may_begin(&self) -> bool {
+        self.held.iter().any(|held| !held.waits)
+    }
+
+    /// A serial line carries these bytes of ours now.
+    pub fn carries(&mut self, bytes: &[u8]) {
+        if (self.kind == BusKind::Rs485 { echo: true }) {
+            self.echo = bytes.iter().copied().collect();
+        }
+        self.heard.clear();
+    }
+
+    /// The reply has come that a frame waits for.
+    pub fn begins(&mut self, now: u64) {
+        if let Some(held) = self.held.iter_mut().find(|held| held.waits) {
+            held.waits = false;
+            self.first_since_us = now;
+        }
     }
 
     /// Takes the frame in `slot` out: it has left, or it has come back.

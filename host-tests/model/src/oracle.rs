@@ -179,6 +179,19 @@ impl Oracle {
 
     /// A port of a bus has handed a frame to its controller.
     pub fn handed(&mut self, now: u64, bus: u8, slot: u8, frame: Frame<'_>) {
+        self.hand(now, bus, slot, frame, false);
+        if let (Frame::Serial(bytes), Some(state)) = (frame, self.buses.get_mut(usize::from(bus))) {
+            state.carries(bytes);
+        }
+    }
+
+    /// The port of a serial line has taken a frame that it keeps until the reply to the one before
+    /// has come.
+    pub fn handed_behind_reply(&mut self, now: u64, bus: u8, slot: u8, frame: Frame<'_>) {
+        self.hand(now, bus, slot, frame, true);
+    }
+
+    fn hand(&mut self, now: u64, bus: u8, slot: u8, frame: Frame<'_>, waits: bool) {
         self.advance(now);
         let Some(state) = self.buses.get(usize::from(bus)) else { return };
         if state.held.iter().any(|held| held.slot == slot) {
@@ -193,12 +206,20 @@ impl Oracle {
             held.axis.filter(|_| held.is_motion).and_then(|axis| self.axes.get(usize::from(axis)));
         let motion_within = moved.map(Axis::ttl_us);
         let state = &mut self.buses[usize::from(bus)];
-        held.acknowledged_by = state.acknowledged_by(now, motion_within);
-        if let (BusKind::Rs485 { echo: true }, Frame::Serial(bytes)) = (state.kind, frame) {
-            state.echo = bytes.iter().copied().collect();
-        }
-        state.heard.clear();
+        let replied_by = state.left_us.map_or(now, |left| left + state.window_us);
+        let begins_by = if waits { replied_by } else { now };
+        held.acknowledged_by = state.acknowledged_by(begins_by, motion_within);
+        held.waits = waits;
         state.hand(now, held);
+    }
+
+    /// That reply has come: the line carries these bytes next.
+    pub fn begins(&mut self, now: u64, bus: u8, bytes: &[u8]) {
+        self.advance(now);
+        if let Some(state) = self.buses.get_mut(usize::from(bus)) {
+            state.begins(now);
+            state.carries(bytes);
+        }
     }
 
     /// The gateway wants the frame in a slot back.

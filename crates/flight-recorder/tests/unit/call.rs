@@ -2,10 +2,10 @@
 
 use super::Call;
 use embedded_can::{ExtendedId, Id};
-use gateway::Event;
+use gateway::{Event, Then};
 use host_protocol::CanFrame;
 
-fn vectors() -> [(u64, Call<'static>, &'static [u8]); 14] {
+fn vectors() -> [(u64, Call<'static>, &'static [u8]); 15] {
     let standard = CanFrame::standard(0x141, &[0xA2, 0, 0, 0, 0x10, 0x27, 0, 0]).unwrap();
     let extended = Id::Extended(ExtendedId::new(0x0001_0203).unwrap());
     let remote = CanFrame::remote_frame(extended, 2).unwrap();
@@ -29,13 +29,18 @@ fn vectors() -> [(u64, Call<'static>, &'static [u8]); 14] {
         ),
         (
             0xFFFF,
-            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E], idle: false }),
+            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E], then: Then::Bytes }),
             &[0x44, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0, 0, 0, 0, 0, 1, 0, 0x3E],
         ),
         (
             0,
-            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E], idle: true }),
+            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E], then: Then::Idle }),
             &[0x58, 1, 0, 0x3E],
+        ),
+        (
+            0,
+            Call::Handle(Event::SerialReceived { bus: 2, bytes: &[0x3E], then: Then::Frame }),
+            &[0x59, 1, 0, 0x3E],
         ),
         (7, Call::PollCancel { bus: 0 }, &[0x05, 7, 0]),
         (1, Call::TakeSave, &[0x0F, 1, 0, 5]),

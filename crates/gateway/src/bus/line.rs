@@ -7,8 +7,8 @@ use heapless::{Deque, Vec};
 use host_protocol::ProtocolSet;
 use serde::{Deserialize, Serialize};
 
-/// Idle bits between the last byte heard and the next byte sent.
-pub(super) const GAP_BITS: u64 = 20;
+/// Idle bits between the last byte heard and the next byte sent on a serial line.
+pub const PAUSE_BITS: u64 = 20;
 /// The part of a reply window that delays a stop, at most (GUARANTEES G5).
 pub(super) const STOP_DELAY: Duration = Duration::from_millis(1);
 
@@ -48,6 +48,8 @@ pub(super) struct Line {
     deframer: Option<Deframer>,
     /// What earlier deframers have rejected.
     rejected_before: u32,
+    /// What the port holds until the awaited reply has come.
+    behind_reply: Option<Vec<u8, MAX_SERIAL>>,
     /// When the last byte was sent or heard.
     active_at: Instant,
     /// When the port took what we sent last.
@@ -61,7 +63,7 @@ pub(super) struct Line {
 /// The times of one bus that decide who may transmit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LineTimes {
-    /// `GAP_BITS` bits.
+    /// [`PAUSE_BITS`].
     pub gap: Duration,
     /// One frame.
     pub frame: Duration,
@@ -98,6 +100,7 @@ impl Line {
         self.echo.clear();
         self.sent_frame = None;
         self.reset_deframer();
+        self.behind_reply = None;
         self.awaited = None;
     }
 
@@ -125,7 +128,38 @@ impl Line {
         free.min(latest)
     }
 
-    /// The port has taken these bytes.
+    /// A reply may still come.
+    pub fn awaits_reply(&self, now: Instant) -> bool {
+        self.awaited.is_some_and(|until| now < until)
+    }
+
+    /// The port has taken these bytes and sends them behind the awaited reply. Returns until when
+    /// that may come.
+    pub fn holds(&mut self, bytes: &[u8]) -> Option<Instant> {
+        self.behind_reply = Vec::from_slice(bytes).ok();
+        self.awaited
+    }
+
+    /// Whether the port has such bytes.
+    pub fn is_holding(&self) -> bool {
+        self.behind_reply.is_some()
+    }
+
+    /// It has given them back.
+    pub fn gave_back(&mut self) {
+        self.behind_reply = None;
+    }
+
+    /// It sends them now, if it has any. Returns whether it had.
+    pub fn begins_held(&mut self, now: Instant) -> bool {
+        let held = self.behind_reply.take();
+        if let Some(bytes) = &held {
+            self.taken(now, bytes);
+        }
+        held.is_some()
+    }
+
+    /// The port sends these bytes now.
     pub fn taken(&mut self, now: Instant, bytes: &[u8]) {
         self.taken_at = now;
         self.awaited = None;

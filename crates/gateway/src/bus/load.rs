@@ -1,7 +1,7 @@
 //! Whether what the axes of a bus must send and hear fits on it.
 
 use super::frame_bits::{least_frame_bits, longest_frame_bits};
-use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits, serial_of};
+use super::line::{PAUSE_BITS, STOP_DELAY, serial_frame_bits, serial_of};
 use super::{Bus, bits_at};
 use crate::axis::Axis;
 use crate::protocol::{self, Exchange};
@@ -64,7 +64,7 @@ fn exchange_time(kind: BusKind, frame_bits: u64, config: &BusConfig) -> Duration
         BusKind::Can => bits_at(2 * frame_bits, config.bitrate),
         BusKind::Rs485 => {
             let frame_bits = serial_frame_bits(serial_of(config.protocols));
-            bits_at(2 * frame_bits + 2 * GAP_BITS, config.bitrate) + SERIAL_TURNAROUND
+            bits_at(2 * frame_bits + 2 * PAUSE_BITS, config.bitrate) + SERIAL_TURNAROUND
         }
     }
 }

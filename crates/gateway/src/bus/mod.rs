@@ -10,6 +10,7 @@ mod receive;
 mod schedule;
 mod transmit;
 
+pub use line::PAUSE_BITS;
 pub(crate) use load::{check as check_load, shortest_period};
 pub use plan::{Assumptions, AxisPlan, BusPlan};
 pub(crate) use raw::Raw;

@@ -3,7 +3,7 @@
 
 use super::bounds::left_of;
 use super::frame_bits::{EXTENDED_FRAME_BITS, STANDARD_FRAME_BITS, frame_bits};
-use super::line::{GAP_BITS, STOP_DELAY, serial_frame_bits};
+use super::line::{PAUSE_BITS, STOP_DELAY, serial_frame_bits};
 use super::load::{
     REPLY_BYTES, objections, polled_permille, replies_to_motion, share, shortest_period,
     streamed_permille, unanswered_wait,
@@ -210,7 +210,7 @@ impl Bus {
             let objections = objections(axis, self.axes_here(axes));
             let frame = self.frame_time(1);
             let (gap, quiet) = match self.kind() {
-                BusKind::Rs485 => (bits_at(GAP_BITS, config.bitrate), Duration::ZERO),
+                BusKind::Rs485 => (bits_at(PAUSE_BITS, config.bitrate), Duration::ZERO),
                 BusKind::Can if objections > 0 => (Duration::ZERO, STOP_DELAY + frame),
                 BusKind::Can => (Duration::ZERO, Duration::ZERO),
             };

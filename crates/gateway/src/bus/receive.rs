@@ -6,6 +6,7 @@ use crate::axes::Axes;
 use crate::axis::{Axis, Is};
 use crate::filled::filled;
 use crate::outbox::Outbox;
+use crate::port::Then;
 use crate::protocol::{self, Received, Unasked};
 use crate::time::Instant;
 use host_protocol::{BusKind, CanFrame, Event, MAX_CAN_DATA, RawFrame, ReceivedFrame};
@@ -54,12 +55,12 @@ impl Bus {
             || self.in_flight.iter().flatten().any(|f| f.collided_at.is_some())
     }
 
-    /// Bytes have arrived on a serial bus. `idle`: for a byte's time there were no more.
+    /// Bytes have arrived on a serial bus.
     pub fn serial_received(
         &mut self,
         now: Instant,
         bytes: &[u8],
-        idle: bool,
+        then: Then,
         axes: &mut Axes,
         out: &mut Outbox<'_>,
     ) {
@@ -76,8 +77,10 @@ impl Bus {
                 self.serial_frame(now, &frame, axes, out);
             }
         }
-        if idle {
-            self.line.has_been_idle(now, self.bit_time(BYTE_BITS));
+        match then {
+            Then::Bytes => {}
+            Then::Idle => self.line.has_been_idle(now, self.bit_time(BYTE_BITS)),
+            Then::Frame => self.begins_held(now),
         }
         self.counters.rejected = self.line.rejected();
     }

@@ -135,7 +135,12 @@ impl Bus {
     }
 
     /// Where there is no stop: one after the other, what somebody only watches last.
-    fn choose_ordinary(&self, now: Instant, axes: &Axes, ready: Set) -> Option<(usize, Request)> {
+    pub(super) fn choose_ordinary(
+        &self,
+        now: Instant,
+        axes: &Axes,
+        ready: Set,
+    ) -> Option<(usize, Request)> {
         let wants = |index: usize| {
             let axis = axes.get(index)?;
             let want = axis.next_request(now)?;
@@ -344,6 +349,17 @@ impl Bus {
     pub(super) fn may_send_ordinary(&self, now: Instant) -> bool {
         self.nothing_in_flight()
             && (self.kind() == BusKind::Can || self.line.ready_at(self.line_times()) <= now)
+    }
+
+    /// Whether the port may be given a frame that waits for the reply to the one before: of another
+    /// motor, as this one's next request may follow from its reply.
+    pub fn may_wait_for_reply(&self, now: Instant, axes: &Axes) -> bool {
+        self.kind() == BusKind::Rs485
+            && self.line.awaits_reply(now)
+            && self.nothing_in_flight()
+            && self.raw.is_none()
+            && !self.is_stopping(axes)
+            && self.which(Is::Objecting, axes).is_empty()
     }
 
     /// Whether one more request leaves stops that lose to replies their bound.

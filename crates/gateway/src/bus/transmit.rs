@@ -1,6 +1,6 @@
 //! What is handed to a bus, and what becomes of it.
 
-use super::line::{GAP_BITS, LineTimes, serial_frame_bits};
+use super::line::{LineTimes, PAUSE_BITS, serial_frame_bits};
 use super::schedule::Room;
 use super::{Bus, Due, InFlight};
 use crate::axes::Axes;
@@ -26,6 +26,24 @@ const COLLIDED_AFTER_FRAMES: u64 = 3;
 /// encoded.
 const INTERNAL_ENCODING: u16 = 1;
 
+/// How a frame goes to the port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Goes {
+    /// Nothing goes beside it.
+    Alone,
+    /// Stops are under way, and may go beside it.
+    BesideStops,
+    /// It waits in the port until a reply has come.
+    BehindReply,
+}
+
+impl Goes {
+    fn transmit(self, slot: u8, frame: Outgoing) -> Transmit {
+        let behind_reply = self == Self::BehindReply;
+        Transmit { slot, frame, is_alone: self != Self::BesideStops, behind_reply }
+    }
+}
+
 impl Bus {
     /// The next frame, if the bus may send one now.
     pub fn poll_transmit(
@@ -37,13 +55,21 @@ impl Bus {
         if self.config.is_none() || self.is_off() || !self.has_room() {
             return None;
         }
-        let is_alone = !self.is_stopping(axes);
-        if let Some((index, want)) = self.choose(now, axes, Room::Left)
+        let goes = match self.is_stopping(axes) {
+            true => Goes::BesideStops,
+            false if self.may_wait_for_reply(now, axes) => Goes::BehindReply,
+            false => Goes::Alone,
+        };
+        let chosen = match goes {
+            Goes::BehindReply => self.choose_ordinary(now, axes, self.which(Is::Ready, axes)),
+            Goes::Alone | Goes::BesideStops => self.choose(now, axes, Room::Left),
+        };
+        if let Some((index, want)) = chosen
             && !self.empties_for_another_stop(now, axes, index)
         {
-            return axes.hand_over(index, |axis| self.hand_over(now, axis, want, is_alone, out));
+            return axes.hand_over(index, |axis| self.hand_over(now, axis, want, goes, out));
         }
-        self.raw_frame(now, is_alone)
+        self.raw_frame(now, goes)
     }
 
     /// The port has sent the frame in `slot`.
@@ -61,6 +87,7 @@ impl Bus {
         }
         let window = self.reply_window();
         if self.kind() == BusKind::Rs485 {
+            self.begins_held(now);
             self.line.sent(now, self.line_times());
         }
         if let Some(from) = in_flight.axis {
@@ -70,6 +97,16 @@ impl Bus {
                     other.transactions.may_object(now);
                 }
             });
+        }
+    }
+
+    /// The port sends now what it has kept until a reply came, if anything. Only now it was that
+    /// axis's turn.
+    pub(super) fn begins_held(&mut self, now: Instant) {
+        if self.line.begins_held(now)
+            && let Some(axis) = self.in_flight.iter().flatten().find_map(|held| held.axis)
+        {
+            self.last_served = axis;
         }
     }
 
@@ -92,30 +129,44 @@ impl Bus {
         if self.raw.is_some() || self.is_stopping(axes) {
             return true;
         }
-        match self.may_send_ordinary(now) {
+        match self.may_send_ordinary(now) || self.may_wait_for_reply(now, axes) {
             true => !self.which(Is::Ready, axes).is_empty(),
             false => self.unwanted(now, None, axes).is_some(),
         }
     }
 
-    /// The next frame that the controller should cancel: its axis has replaced it, or it keeps a
-    /// stop out that goes before it.
+    /// The next frame that the port should give back: its axis has replaced it, it keeps a stop out
+    /// that goes before it, or the reply that it waits for has not come.
     pub fn poll_cancel(&mut self, now: Instant, axes: &Axes) -> Option<u8> {
-        if self.kind() != BusKind::Can || self.nothing_in_flight() {
+        if self.nothing_in_flight() {
             return None;
         }
-        let first_stop = self.first_stop_in_controller(now, axes);
-        let unwanted = self.unwanted(now, first_stop, axes);
-        let slot = unwanted.or_else(|| self.keeps_a_stop_out(now, axes))?;
+        let slot = match self.kind() {
+            BusKind::Can => {
+                let first_stop = self.first_stop_in_controller(now, axes);
+                let unwanted = self.unwanted(now, first_stop, axes);
+                unwanted.or_else(|| self.keeps_a_stop_out(now, axes))
+            }
+            BusKind::Rs485 => self.unwanted(now, None, axes),
+        }?;
         let within = CANCELLED_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
         self.in_flight.get_mut(usize::from(slot))?.as_mut()?.cancel_by = Some(now + within);
         Some(slot)
     }
 
-    /// A frame in the controller that is not to leave, and has not been asked back. `first_stop`: it
-    /// goes before all that is no stop and has a higher id.
+    /// A frame in the controller that is not to leave, and has not been asked back; on a line one
+    /// that waits for a reply. `first_stop`: it goes before all that is no stop and has a higher
+    /// id.
     fn unwanted(&self, now: Instant, first_stop: Option<CanId>, axes: &Axes) -> Option<u8> {
+        if self.kind() == BusKind::Rs485 && !self.line.is_holding() {
+            return None;
+        }
+        let waits_in_vain = self.kind() == BusKind::Rs485
+            && (!self.line.awaits_reply(now) || self.raw.is_some() || self.is_stopping(axes));
         let is_unwanted = |slot: u8, in_flight: &InFlight| {
+            if waits_in_vain {
+                return true;
+            }
             let axis = in_flight.axis.and_then(|index| axes.get(usize::from(index)));
             match axis {
                 // What was given up must not leave when nobody expects it any more.
@@ -142,6 +193,7 @@ impl Bus {
             return;
         };
         self.counters.cancelled = self.counters.cancelled.saturating_add(1);
+        self.line.gave_back();
         // Nothing takes the place of a frame that is nobody's any more.
         if !in_flight.overdue && in_flight.axis.is_some() {
             let left = in_flight.deadline.since(now);
@@ -228,7 +280,10 @@ impl Bus {
         next.consider(self.objections_are_over_at(axes));
         if self.kind() == BusKind::Rs485 {
             let times = self.line_times();
-            next.consider(Some(self.line.ready_at(times)));
+            // Behind a frame that is on its way the port says when it has left.
+            if self.nothing_in_flight() || self.line.is_holding() {
+                next.consider(Some(self.line.ready_at(times)));
+            }
             for (_, due) in axes.times(self.which(Is::Stopping, axes), |look| look.stop_due) {
                 next.consider(Some(self.line.stop_ready_at(due, times)));
             }
@@ -238,7 +293,7 @@ impl Bus {
 
     pub(super) fn line_times(&self) -> LineTimes {
         LineTimes {
-            gap: self.bit_time(GAP_BITS),
+            gap: self.bit_time(PAUSE_BITS),
             frame: self.bit_time(serial_frame_bits(self.line.serial())),
             window: self.reply_window(),
         }
@@ -257,7 +312,7 @@ impl Bus {
         now: Instant,
         axis: &mut Axis,
         want: Request,
-        is_alone: bool,
+        goes: Goes,
         out: &mut Outbox<'_>,
     ) -> Option<Transmit> {
         let command = axis.command_for(want.exchange);
@@ -271,7 +326,9 @@ impl Bus {
             axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);
             return None;
         };
-        self.last_served = axis.index;
+        if goes != Goes::BehindReply {
+            self.last_served = axis.index;
+        }
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
         let may_come = self.kind() == BusKind::Can
             && (axis.reply_with_our_id_since().is_some() || axis.transactions.objects);
@@ -283,17 +340,17 @@ impl Bus {
             Exchange::Motion => within.min(axis.config.ttl()),
             _ => within,
         };
-        if let Some(in_flight) = self.launch(now, slot, &frame, within) {
+        if let Some(in_flight) = self.launch(now, slot, &frame, goes, within) {
             in_flight.axis = Some(axis.index);
             // The stop command with which an arming begins stops nothing that must be stopped.
             in_flight.is_stop = want.exchange.is_stop() && want.priority < Priority::Ordinary;
             in_flight.is_first_stop = want.priority.is_first_stop();
             in_flight.collided_at = collided_at;
         }
-        Some(Transmit { slot, frame, is_alone })
+        Some(goes.transmit(slot, frame))
     }
 
-    fn raw_frame(&mut self, now: Instant, is_alone: bool) -> Option<Transmit> {
+    fn raw_frame(&mut self, now: Instant, goes: Goes) -> Option<Transmit> {
         if self.raw.is_none() || !self.may_send_ordinary(now) {
             return None;
         }
@@ -303,8 +360,8 @@ impl Bus {
             RawFrame::Serial(bytes) => Outgoing::Serial(Vec::from_slice(bytes.as_slice()).ok()?),
         };
         let within = ACKNOWLEDGE_WITHIN + self.frame_time(ACKNOWLEDGE_FRAMES);
-        self.launch(now, slot, &frame, within);
-        Some(Transmit { slot, frame, is_alone })
+        self.launch(now, slot, &frame, goes, within);
+        Some(goes.transmit(slot, frame))
     }
 
     /// The port takes a frame, nobody's as yet. Returns what is kept of it.
@@ -313,12 +370,17 @@ impl Bus {
         now: Instant,
         slot: u8,
         frame: &Outgoing,
+        goes: Goes,
         within: Duration,
     ) -> Option<&mut InFlight> {
+        let mut begins_by = now;
         let id: Option<CanId> = match frame {
             Outgoing::Can(frame) => Some(CanId(frame.id())),
             Outgoing::Serial(bytes) => {
-                self.line.taken(now, bytes);
+                match goes {
+                    Goes::BehindReply => begins_by = self.line.holds(bytes).unwrap_or(now),
+                    Goes::Alone | Goes::BesideStops => self.line.taken(now, bytes),
+                }
                 None
             }
         };
@@ -332,7 +394,7 @@ impl Bus {
         Some(self.in_flight.get_mut(usize::from(slot))?.insert(InFlight {
             axis: None,
             id,
-            deadline: now + within,
+            deadline: begins_by + within,
             overdue: false,
             is_stop: false,
             is_first_stop: false,

@@ -22,6 +22,8 @@ pub struct Counts {
     pub starts: u64,
     /// Frames that have set several motors in motion.
     pub started_together: u64,
+    /// Frames that a serial port sent by itself behind a reply.
+    pub behind_replies: u64,
 }
 
 impl Counts {
@@ -37,6 +39,7 @@ impl Counts {
             confirmed: self.confirmed + other.confirmed,
             starts: self.starts + other.starts,
             started_together: self.started_together + other.started_together,
+            behind_replies: self.behind_replies + other.behind_replies,
         }
     }
 }

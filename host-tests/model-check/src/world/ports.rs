@@ -5,7 +5,7 @@ use crate::bus::{arbitration, can_frame};
 use crate::plant::{BUSES, LINKS};
 use gateway::{
     Event, FlightPage, FlightReadError, Gateway, Instant, MAX_SNAPSHOT, Outgoing, SaveError, Set,
-    Transmit, port::TRANSMIT_SLOTS,
+    Then, Transmit, port::TRANSMIT_SLOTS,
 };
 use host_protocol::{BusState, Deframer, EventMessage, Kind, MAX_FRAME, Reply};
 use promise_model::Frame;
@@ -99,7 +99,13 @@ impl World {
             }
             Input::Serial { bus, bytes } => {
                 oracle.received(now, *bus, Frame::Serial(bytes));
-                Event::SerialReceived { bus: *bus, bytes, idle: false }
+                let next = self.buses[usize::from(*bus)].hears(now, bytes.len());
+                if let Some(Outgoing::Serial(next)) = &next {
+                    oracle.begins(now, *bus, next);
+                    self.counts.behind_replies += 1;
+                }
+                let then = if next.is_some() { Then::Frame } else { Then::Bytes };
+                Event::SerialReceived { bus: *bus, bytes, then }
             }
             Input::Transmitted { bus, slot } => {
                 oracle.left(now, *bus, *slot);
@@ -280,7 +286,10 @@ impl World {
                     Outgoing::Can(frame) => Frame::Can(arbitration(frame), frame.data()),
                     Outgoing::Serial(bytes) => Frame::Serial(bytes),
                 };
-                self.oracle.handed(self.now_us, bus, transmit.slot, frame);
+                match transmit.behind_reply {
+                    true => self.oracle.handed_behind_reply(self.now_us, bus, transmit.slot, frame),
+                    false => self.oracle.handed(self.now_us, bus, transmit.slot, frame),
+                }
             }
         }
     }

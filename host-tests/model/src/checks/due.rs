@@ -2,7 +2,7 @@
 
 use super::together::bit_of;
 use crate::axis::{Cause, Duty};
-use crate::bus::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, SOFTWARE_US};
+use crate::bus::{ACKNOWLEDGE_FRAMES, ACKNOWLEDGE_US, Held, SOFTWARE_US};
 use crate::oracle::Oracle;
 use crate::violation::Check;
 use crate::wire::Told;
@@ -193,8 +193,11 @@ impl Oracle {
 
     fn check_kept(&mut self, now: u64) {
         let mut kept = Vec::new();
-        for bus in self.buses.iter_mut().filter(|bus| bus.is_can()) {
-            for held in bus.held.iter_mut().filter(|held| held.is_motion && !held.asked_back) {
+        for bus in &mut self.buses {
+            let is_can = bus.is_can();
+            let may_wait = |held: &&mut Held| is_can || held.waits;
+            let held = bus.held.iter_mut().filter(may_wait);
+            for held in held.filter(|held| held.is_motion && !held.asked_back) {
                 let started = held.start.as_ref().map_or(0, |start| start.members);
                 let moved = (0u8..).zip(&self.axes).filter(|(index, _)| {
                     Some(*index) == held.axis || started & bit_of(*index) != 0

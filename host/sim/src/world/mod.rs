@@ -5,6 +5,7 @@
 //! from the hosts, the gateway's own deadline, and then what starts on the buses. So a run depends
 //! on wiring, seed and input only, not on how it is cut into pieces.
 
+mod behind_reply;
 mod host_link;
 mod life;
 mod port;
@@ -15,7 +16,7 @@ mod trace;
 use std::time::Duration;
 
 use flight_recorder::Recorded;
-use gateway::{Event, Gateway, Instant, MAX_LINKS, Set};
+use gateway::{Event, Gateway, Instant, MAX_LINKS, Set, Then};
 use host_protocol::{BusState, MAX_FRAME, Trip};
 
 pub use self::trace::TraceEntry;
@@ -336,9 +337,12 @@ impl World {
         self.set_up_ports();
         let now = self.gateway_now();
         let named = std::mem::take(&mut self.named).with(self.gateway.take_changes().buses);
+        let mut given_back = Vec::new();
         for (bus, port) in (0..).zip(&mut self.ports).filter(|(bus, _)| named.has(*bus)) {
             while let Some(slot) = self.gateway.poll_cancel(now, bus) {
-                port.cancel(slot);
+                if port.cancel(slot) {
+                    given_back.push((bus, slot));
+                }
             }
             while port.takes_frames()
                 && let Some(transmit) = self.gateway.poll_transmit(now, bus)
@@ -352,6 +356,9 @@ impl World {
         }
         for link in 0..self.links.len() {
             self.poll_link(link);
+        }
+        for (bus, slot) in given_back {
+            self.tell(Event::Cancelled { bus, slot });
         }
     }
 
@@ -460,7 +467,11 @@ impl World {
             SerialOutcome::Byte { value, to } => {
                 self.tell_motors(&to, |motor, now| motor.hear_byte(now, value));
                 if to.contains(&Station::Gateway) {
-                    self.tell(Event::SerialReceived { bus, bytes: &[value], idle: false });
+                    let now = self.now;
+                    let port = self.ports.get_mut(usize::from(bus));
+                    let is_answer = port.is_some_and(|port| port.hears(now));
+                    let then = if is_answer { Then::Frame } else { Then::Bytes };
+                    self.tell(Event::SerialReceived { bus, bytes: &[value], then });
                 }
             }
             SerialOutcome::Sent { from, slot, bytes, start, end } => {

@@ -4,10 +4,11 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use gateway::port::TRANSMIT_SLOTS;
-use gateway::{BusSetup, Outgoing, Transmit};
+use gateway::{BusSetup, Outgoing, PAUSE_BITS, Transmit};
 use host_protocol::{BusKind, CanFrame};
 
-use crate::bus::{BusFault, Station, Wire};
+use super::behind_reply::BehindReply;
+use crate::bus::{BusFault, Station, Wire, bit_time};
 use crate::can::CanBus;
 use crate::motors::Outgoing as MotorMessage;
 use crate::rs485::SerialLine;
@@ -16,7 +17,7 @@ use crate::rs485::SerialLine;
 #[derive(Debug)]
 pub(super) enum Medium {
     Can(CanBus),
-    Serial { line: SerialLine },
+    Serial { line: SerialLine, next: BehindReply },
 }
 
 /// A bus and what the gateway has handed to it.
@@ -37,7 +38,9 @@ impl Port {
     pub(super) fn new(kind: BusKind) -> Self {
         let medium = match kind {
             BusKind::Can => Medium::Can(CanBus::default()),
-            BusKind::Rs485 => Medium::Serial { line: SerialLine::default() },
+            BusKind::Rs485 => {
+                Medium::Serial { line: SerialLine::default(), next: BehindReply::default() }
+            }
         };
         let held = [false; TRANSMIT_SLOTS];
         Self {
@@ -76,7 +79,10 @@ impl Port {
         self.held = [false; TRANSMIT_SLOTS];
         match &mut self.medium {
             Medium::Can(bus) => bus.start_in(now, Station::Gateway, new.bitrate, new.mode),
-            Medium::Serial { line } => line.start(Station::Gateway, new.bitrate, true),
+            Medium::Serial { line, next } => {
+                *next = BehindReply::default();
+                line.start(Station::Gateway, new.bitrate, true);
+            }
         }
         true
     }
@@ -87,7 +93,10 @@ impl Port {
         self.held = [false; TRANSMIT_SLOTS];
         match &mut self.medium {
             Medium::Can(bus) => bus.stop(now, Station::Gateway),
-            Medium::Serial { line, .. } => line.stop(Station::Gateway),
+            Medium::Serial { line, next } => {
+                *next = BehindReply::default();
+                line.stop(Station::Gateway);
+            }
         }
     }
 
@@ -105,7 +114,8 @@ impl Port {
     /// # Panics
     /// If the core breaks the contract of its port: a slot still in use, or a frame for another
     /// kind of bus.
-    pub(super) fn take(&mut self, now: Duration, Transmit { slot, frame, .. }: Transmit) {
+    pub(super) fn take(&mut self, now: Duration, transmit: Transmit) {
+        let Transmit { slot, frame, behind_reply, .. } = transmit;
         let held =
             self.held.get_mut(usize::from(slot)).expect("the core used a slot that does not exist");
         assert!(
@@ -116,18 +126,35 @@ impl Port {
             (Medium::Can(bus), Outgoing::Can(frame)) => {
                 bus.send(Station::Gateway, slot, frame, false)
             }
-            (Medium::Serial { line, .. }, Outgoing::Serial(bytes)) => {
+            (Medium::Serial { next, .. }, Outgoing::Serial(bytes)) if behind_reply => {
+                next.keep(slot, bytes.to_vec());
+            }
+            (Medium::Serial { line, next }, Outgoing::Serial(bytes)) => {
+                next.began(bytes.len());
                 line.send(now, Station::Gateway, slot, bytes.to_vec());
             }
             (_, frame) => panic!("the core sent {frame:?} to the wrong kind of bus"),
         }
     }
 
-    /// The gateway asks a frame back.
-    pub(super) fn cancel(&mut self, slot: u8) {
-        if let Medium::Can(bus) = &mut self.medium {
-            bus.cancel(Station::Gateway, slot);
+    /// The gateway asks a frame back. Returns whether it has it at once; a CAN controller says later
+    /// what has become of it.
+    pub(super) fn cancel(&mut self, slot: u8) -> bool {
+        match &mut self.medium {
+            Medium::Can(bus) => {
+                bus.cancel(Station::Gateway, slot);
+                false
+            }
+            Medium::Serial { next, .. } => next.give_back(slot) && self.release(slot),
         }
+    }
+
+    /// The gateway hears a byte. Returns whether it ends the reply that a frame waits for.
+    pub(super) fn hears(&mut self, now: Duration) -> bool {
+        let (Medium::Serial { next, .. }, Some(setup)) = (&mut self.medium, self.setup) else {
+            return false;
+        };
+        next.hears(now, bit_time(PAUSE_BITS, setup.bitrate))
     }
 
     /// A frame of the gateway has left; whether it held one in that slot.
@@ -206,14 +233,22 @@ impl Port {
     pub(super) fn next_event(&self) -> Option<Duration> {
         match &self.medium {
             Medium::Can(bus) => bus.next_event(),
-            Medium::Serial { line, .. } => line.next_event(),
+            Medium::Serial { line, next } => {
+                line.next_event().into_iter().chain(next.begins_at()).min()
+            }
         }
     }
 
     pub(super) fn finish(&mut self, now: Duration) {
         match &mut self.medium {
             Medium::Can(bus) => bus.finish(now),
-            Medium::Serial { line, .. } => line.finish(now),
+            Medium::Serial { line, next } => {
+                line.finish(now);
+                if let Some((slot, bytes)) = next.take_due(now) {
+                    next.began(bytes.len());
+                    line.send(now, Station::Gateway, slot, bytes);
+                }
+            }
         }
     }
 

@@ -1,4 +1,4 @@
-use gateway::Outgoing;
+use gateway::{Outgoing, Then};
 
 use super::*;
 
@@ -15,13 +15,13 @@ fn frame(id: u16) -> CanFrame {
 }
 
 fn serial(us: u64, bytes: &[u8]) -> Played<'_> {
-    told(us, Event::SerialReceived { bus: 0, bytes, idle: false })
+    told(us, Event::SerialReceived { bus: 0, bytes, then: Then::Bytes })
 }
 
 /// The gateway sends this on an RS485 bus, and hears it.
 fn sends(us: u64, bytes: &[u8]) -> Played<'static> {
     let frame = Outgoing::Serial(bytes.iter().copied().collect());
-    let transmit = Some(Transmit { slot: 0, frame, is_alone: true });
+    let transmit = Some(Transmit { slot: 0, frame, is_alone: true, behind_reply: false });
     Played { at: at(us), call: Call::PollTransmit { bus: 0 }, transmit }
 }
 
@@ -107,7 +107,7 @@ fn who_was_busy_was_told_late() {
 
 #[test]
 fn a_frame_follows_at_once_where_one_of_the_gateways_waited_for_a_gap() {
-    let transmit = Some(Transmit { slot: 0, frame: Outgoing::Can(frame(5)), is_alone: true });
+    let transmit = Some(Transmit { slot: 0, frame: Outgoing::Can(frame(5)), is_alone: true, behind_reply: false });
     let polled =
         |us| Played { at: at(us), call: Call::PollTransmit { bus: 0 }, transmit: transmit.clone() };
     let comes = |us| told(us, Event::CanReceived { bus: 0, frame: frame(1) });
