@@ -233,16 +233,21 @@ impl Gateway {
             }
         }
         // What was told a motor that others reach from now on is forgotten.
-        let told = |axis: &&Axis| {
-            axis.config.bus().is_some_and(|bus| loaded.has(bus)) && !reach.moved.has(axis.index)
-        };
-        for axis in self.axes.iter().filter(told) {
-            axis.check_programmed_timeout(self.waits(axis))?;
-        }
+        self.check_timeouts(loaded, reach.moved)?;
         self.buses
             .iter()
             .filter(|bus| loaded.has(bus.index()))
             .try_for_each(|bus| self.check_bus_load(bus))
+    }
+
+    /// Refuses what would make the timeouts too short that motors on these buses were told, but for
+    /// those of some axes.
+    pub(crate) fn check_timeouts(&self, buses: Set, but: Set) -> Result<()> {
+        let told = |axis: &&Axis| {
+            axis.config.bus().is_some_and(|bus| buses.has(bus)) && !but.has(axis.index)
+        };
+        let mut told = self.axes.iter().filter(told);
+        told.try_for_each(|axis| axis.check_programmed_timeout(self.waits(axis)))
     }
 
     /// What follows from changes that have been made.

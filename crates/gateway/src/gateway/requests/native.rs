@@ -6,6 +6,7 @@ use crate::bus_rules;
 use crate::gateway::Gateway;
 use crate::outbox::Ticket;
 use crate::protocol::{self, Demand, Effect, Exchange, Native, Sets};
+use crate::set::Set;
 use crate::time::Instant;
 use host_protocol::{
     AxisParameter, AxisState, Bytes, Error, Reply, StopTarget, Value, replies, requests,
@@ -180,7 +181,7 @@ impl Gateway {
     }
 
     /// Refuses frames that the motor would send by itself, or answer with, and that the bus could
-    /// not carry beside what its axes need. Those that it sends by itself count from now on, and
+    /// not carry beside what its axes need, or in time for their motors. Those that it sends by itself count from now on, and
     /// fewer only once the motor has taken them.
     fn admit_frames_after(&mut self, index: u8, native: &Native) -> Result<()> {
         let Sets::Row(parameter, value) = native.command.sets() else { return Ok(()) };
@@ -192,8 +193,14 @@ impl Gateway {
             protocol::replies_to_motion(after) > protocol::replies_to_motion(&before);
         let sends_more = protocol::stream(after)
             .is_some_and(|stream| stream.is_heavier_than(protocol::stream(&before)));
-        let admitted =
-            if answers_more || sends_more { self.check_axis_load(index) } else { Ok(()) };
+        // How long others wait then follows.
+        self.settle(self.now);
+        let admitted = if answers_more || sends_more {
+            let bus = self.axis(index)?.config.bus().map_or(Set::NONE, Set::of);
+            self.check_axis_load(index).and_then(|()| self.check_timeouts(bus, Set::NONE))
+        } else {
+            Ok(())
+        };
         let axis = self.axis_mut(index)?;
         axis.config = before;
         if admitted.is_ok() && sends_more {
