@@ -6,7 +6,7 @@ use crate::bench::{
 };
 use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Error, Event as HostEvent, Quantity, Request, StopAction, StopTarget,
+    AxisParameter, AxisState, Error, Event as HostEvent, Request, StopAction, StopTarget,
     TripReason, Value, requests,
 };
 
@@ -306,12 +306,9 @@ fn a_timeout_that_would_act_while_the_brake_opens_or_locks_is_refused() {
     let releases = |rig: &mut Rig, so| {
         bench::parameter(rig, 0, AxisParameter::ReleaseBrakeWhenArming, Value::Bool(so));
     };
-    let too_short = Error::OutOfRange {
-        quantity: Quantity::MotorTimeout,
-        value: 60.0,
-        min: 160.0,
-        max: u32::MAX as f32,
-    };
+    // What a brake may take and what its motor may wait behind that, and its clock a twentieth fast.
+    let least_ms = 180;
+    let too_short = Error::MotorTimeoutTooShort { axis: 0, motor_timeout_ms: 60, least_ms };
     assert_eq!(bench::provision(&mut bench::rmd(StopAction::Brake).0, 60), Err(too_short));
     releases(&mut rig, true);
     assert_eq!(bench::provision(&mut rig, 60), Err(too_short));
@@ -325,7 +322,7 @@ fn a_timeout_that_would_act_while_the_brake_opens_or_locks_is_refused() {
         let request = requests::ConfigureAxis { axis: 0, parameter: parameter.number(), value };
         assert_eq!(rig.ask(Request::ConfigureAxis(request)), Err(too_short));
     }
-    bench::provision(&mut rig, 160).unwrap();
+    bench::provision(&mut rig, least_ms).unwrap();
     releases(&mut rig, true);
     bench::arm(&mut rig);
 }

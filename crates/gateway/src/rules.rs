@@ -134,10 +134,12 @@ pub(crate) fn check_motor(axis: u8, bus: BusKind, config: &AxisConfig) -> Result
     }
 }
 
-/// So many eighths of what a frame that is no stop waits for on its bus at most a motor's own timeout
-/// lasts at least: the frame before went out a third of the timeout earlier, and the timeout acts up
-/// to a twentieth too early, as the motor's clock may be faster than ours.
+/// So many eighths of what its motor may wait for what it must hear a timeout lasts at least: the
+/// frame before went out a third of the timeout earlier, and the timeout acts up to a twentieth too
+/// early, as the motor's clock may be faster than ours.
 const EIGHTHS_OF_WAIT: u64 = 13;
+/// The same behind a command to the brake, which may not be answered: nothing goes out before.
+const NINETEENTHS_OF_BRAKE: u64 = 20;
 
 /// Refuses a time that the motor's own timeout cannot be set to, and one that may act while its bus
 /// keeps what it must hear waiting for so long: what the motor holds would drop.
@@ -150,7 +152,12 @@ pub(crate) fn check_timeout(
     protocol::check_timeout(timeout_ms, config)?;
     // What is only on or off does not say when it acts.
     let has_time = timeout_ms != 0 && !protocol::is_served(Exchange::TimeoutSwitch, config);
-    let least_ms = (waits.as_micros() * EIGHTHS_OF_WAIT).div_ceil(8 * 1_000);
+    let brake = protocol::waits_for_brake(config);
+    let behind_brake = match brake {
+        Duration::ZERO => 0,
+        _ => ((brake + waits).as_micros() * NINETEENTHS_OF_BRAKE).div_ceil(19 * 1_000),
+    };
+    let least_ms = (waits.as_micros() * EIGHTHS_OF_WAIT).div_ceil(8 * 1_000).max(behind_brake);
     if has_time && u64::from(timeout_ms) < least_ms {
         let (motor_timeout_ms, least_ms) =
             (timeout_ms, u32::try_from(least_ms).unwrap_or(u32::MAX));

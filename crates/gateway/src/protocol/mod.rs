@@ -417,13 +417,17 @@ pub(crate) fn is_within_tolerance(one: u32, other: u32) -> bool {
 
 /// Refuses a time that the motor's own timeout cannot be set to.
 pub(crate) fn check_timeout(timeout_ms: u32, config: &AxisConfig) -> Result<(), Error> {
-    let Some(info) = Info::of_axis(config).filter(|_| timeout_ms != 0) else { return Ok(()) };
-    let (min, max) = info.timeouts_ms;
-    // While arming or a stop waits for the brake the motor hears nothing.
+    match Info::of_axis(config).filter(|_| timeout_ms != 0) {
+        Some(info) => Quantity::MotorTimeout.check(timeout_ms, info.timeouts_ms),
+        None => Ok(()),
+    }
+}
+
+/// So long the motor hears nothing while arming or a stop waits for its brake.
+pub(crate) fn waits_for_brake(config: &AxisConfig) -> Duration {
     let brakes = command(Exchange::ReleaseBrake, config).is_some()
         || stop_steps(config).contains(&Exchange::LockBrake);
-    let unheard = if brakes { BRAKE_TAKES } else { Duration::ZERO };
-    Quantity::MotorTimeout.check(timeout_ms, (min.max(unheard.as_micros_u32() / 1_000), max))
+    if brakes { BRAKE_TAKES } else { Duration::ZERO }
 }
 
 /// The bits of a motor's fault word that neither bar arming nor trip the axis: those that it only
