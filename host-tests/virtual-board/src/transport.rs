@@ -20,11 +20,12 @@ const LATE_BY: u32 = 16;
 /// How often it looks at least.
 const LAZY_LOOK: Duration = Duration::from_millis(1);
 
-/// A host link.
+/// What the computer speaks on.
 #[derive(Clone, Copy)]
-enum Link {
-    /// On which that computer hangs.
+pub(crate) enum Link {
+    /// The line on which that computer hangs.
     Uart(Line<HostUart>),
+    /// The serial port on USB.
     Usb,
 }
 

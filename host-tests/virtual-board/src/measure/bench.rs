@@ -13,11 +13,12 @@ use mgw_sim::MotorWiring;
 use super::fetches::{self, Fetches, Traced};
 use super::stages::Functions;
 use super::{SEED, stack};
-use crate::host_uart::{HostUart, Received};
-use crate::machine::{Builder, CanPort, Line, Machine};
+use crate::host_uart::Received;
+use crate::machine::{Builder, CanPort, Machine};
 use crate::nodes::instant;
 use crate::outside::Outside;
 use crate::rs485_line::BITS_PER_BYTE;
+use crate::transport::Link;
 use crate::{usb_session, usual};
 use virtual_stm32::fdcan::FrameRecord;
 use virtual_stm32::usb::host::Packet;
@@ -81,13 +82,6 @@ const PACKET_BITS: u64 = 35 + 7 + 19;
 const USB_BITS_PER_US: u64 = 12;
 /// How often it is looked whether a packet on USB has been taken.
 const LOOK: Duration = Duration::from_micros(1);
-
-/// What the computer speaks on.
-#[derive(Clone, Copy)]
-enum Link {
-    Uart(Line<HostUart>),
-    Usb,
-}
 
 /// The board and the computer.
 pub(super) struct Bench {

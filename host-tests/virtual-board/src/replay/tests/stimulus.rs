@@ -107,7 +107,12 @@ fn who_was_busy_was_told_late() {
 
 #[test]
 fn a_frame_follows_at_once_where_one_of_the_gateways_waited_for_a_gap() {
-    let transmit = Some(Transmit { slot: 0, frame: Outgoing::Can(frame(5)), is_alone: true, behind_reply: false });
+    let transmit = Some(Transmit {
+        slot: 0,
+        frame: Outgoing::Can(frame(5)),
+        is_alone: true,
+        behind_reply: false,
+    });
     let polled =
         |us| Played { at: at(us), call: Call::PollTransmit { bus: 0 }, transmit: transmit.clone() };
     let comes = |us| told(us, Event::CanReceived { bus: 0, frame: frame(1) });
