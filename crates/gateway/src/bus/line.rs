@@ -49,7 +49,7 @@ pub(super) struct Line {
     /// What earlier deframers have rejected.
     rejected_before: u32,
     /// What the port holds until the awaited reply has come.
-    behind_reply: Option<Vec<u8, MAX_SERIAL>>,
+    behind_reply: Option<SerialFrame>,
     /// When the last byte was sent or heard.
     active_at: Instant,
     /// When the port took what we sent last.
