@@ -97,10 +97,6 @@ impl Axis {
         self.run_time_unread = 0;
         let before = core::mem::replace(&mut self.run_time, RunTime { ms: run_time_ms, at: now });
         if !before.is_before_a_restart(asked, run_time_ms) {
-            // It may have restarted behind what it was told to hold by, before this first reading.
-            if before == RunTime::UNKNOWN && self.is_kept_holding() {
-                self.hold_again(now, out);
-            }
             return;
         }
         self.set_restart_owed(false);
