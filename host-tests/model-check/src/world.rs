@@ -248,6 +248,8 @@ impl World {
                     self.hear_bytes(bus, &bytes);
                 }
             }
+            // A controller that is off hears nothing (ISO 11898-1, bus off).
+            OnWire::Can { .. } if self.buses[usize::from(bus)].is_off => {}
             OnWire::Can { id, data } => self.feed(Input::Can { bus, id, data }),
             OnWire::Serial(bytes) => self.feed(Input::Serial { bus, bytes }),
         }
