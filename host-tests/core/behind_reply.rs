@@ -2,8 +2,12 @@
 //! passes between the two, and nothing is kept from going before them.
 
 use crate::bench::{self, VELOCITY, arm_axis, keep_moving};
-use crate::rig::{FRAME_US, Instead, MOTOR_US, Rig};
-use host_protocol::{AxisState, Protocol, Request, Setpoint, StopAction, StopTarget, requests};
+use crate::rig::{Echo, FRAME_US, Instead, MOTOR_US, Rig};
+use crate::text::unhex;
+use gateway::{Event, Then};
+use host_protocol::{
+    AxisParameter, AxisState, Protocol, Request, Setpoint, StopAction, StopTarget, Value, requests,
+};
 
 /// The reply window of the line, µs.
 const WINDOW_US: u64 = 5_000;
@@ -121,4 +125,40 @@ fn a_setpoint_that_expires_while_it_waits_is_taken_back() {
     for axis in [0, 1] {
         assert!(matches!(bench::listed(&mut rig, axis), AxisState::Tripped { .. }));
     }
+}
+
+/// A byte of noise in each exchange: the port counts in vain, and gives each frame back.
+#[test]
+fn a_poll_that_is_given_back_is_the_next_one_again() {
+    const AXES: u8 = 6;
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    bench::configure_bus(&mut rig, 2, 2_000_000, &[Protocol::Rmd]);
+    for axis in 0..AXES {
+        bench::configure_axis(&mut rig, axis, 2, Protocol::Rmd, axis + 1, StopAction::Hold);
+        bench::parameter(&mut rig, axis, AxisParameter::StatePollUs, Value::Unsigned(10_000));
+    }
+    let moving: Vec<(u8, u32)> = (0..AXES).map(|axis| (axis, arm_axis(&mut rig, axis))).collect();
+    let mut longest_us = Vec::new();
+    for echo in [Echo::Clean, Echo::BehindNoise] {
+        rig.echo = echo;
+        let since = rig.now_us;
+        keep_moving(&mut rig, &moving, VELOCITY, 8_000_000);
+        let gaps = (1..=AXES).map(|node| rig.longest_gap_us(2, since, &format!("3E0{node}08B1")));
+        longest_us.push(gaps.max().unwrap());
+    }
+    assert!(longest_us[1] < longest_us[0] * 3 / 2, "{longest_us:?}");
+}
+
+/// The port has begun it and lost it: no longer than any other it keeps a stop from the line.
+#[test]
+fn a_frame_that_has_begun_behind_a_reply_and_never_leaves_is_given_up_as_any_other() {
+    let (mut rig, _) = two_that_move();
+    one_waits(&mut rig);
+    let reply = unhex(&rig.wire.last().unwrap().2);
+    rig.handle(Event::SerialReceived { bus: 2, bytes: &reply, then: Then::Frame });
+    let since = rig.now_us;
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+    rig.run(40_000);
+    let stop = rig.wire.iter().find(|(at, _, text)| *at >= since && text.starts_with("3E010881"));
+    assert!(stop.is_some_and(|(at, ..)| at - since < 26_000), "{stop:?}");
 }

@@ -108,8 +108,10 @@ async fn receive(gateway: &SharedGateway, bus: u8, receiver: &mut Receiver, line
                 if receiver.events.has_sent() {
                     line.transmitted(gateway, bus);
                 }
+                let is_answer = line.answered_at.get() == Some(receiver.events.heard());
                 let then = match receiver.was_idle {
-                    true if line.answered_at.get() == Some(receiver.events.heard()) => Then::Frame,
+                    // Unless the core wants back what is kept for it.
+                    true if is_answer && !gateway.may_want(bus) => Then::Frame,
                     true => Then::Idle,
                     false => Then::Bytes,
                 };
@@ -166,6 +168,9 @@ async fn send(
                         continue;
                     }
                     sender.has_been_idle(PAUSE_BITS).await;
+                    if gateway.bus_setup(bus) != Some(setup) {
+                        return;
+                    }
                 }
                 // Not even the echo of the frame before has come: the ring no longer takes what
                 // comes.

@@ -10,7 +10,8 @@
 //!   [`Event::Cancelled`] if it has not been sent and will not be, else [`Event::Transmitted`]. A
 //!   port that does neither in time is started again.
 //! - A serial port keeps a frame that goes [behind a reply](Transmit::behind_reply) until that has
-//!   come, or the core wants it back.
+//!   come, or the core wants it back: it does not begin it without a look whether the core does, and
+//!   says that it begins before it says that it has left.
 //! - When a CAN controller goes bus-off the port drops every frame it holds, then reports
 //!   [`Event::BusState`]. It does not recover by itself: the core has it start the bus again.
 //! - When [`Gateway::bus_setup`](crate::Gateway::bus_setup) shows a new generation, the port drops

@@ -33,8 +33,8 @@ pub(crate) struct Held {
     pub is_stop: bool,
     /// A later step of a stop: it goes where stops go.
     pub is_step: bool,
-    /// The port of a serial line keeps it until a reply has come.
-    pub waits: bool,
+    /// The port of a serial line keeps it until a reply has come, which may until then.
+    pub waits_until: Option<u64>,
     pub asked_back: bool,
     /// When it was.
     pub asked_back_us: Option<u64>,
@@ -297,7 +297,7 @@ impl Bus {
 
     /// Whether the controller holds a frame that waits for nothing but the bus.
     fn may_begin(&self) -> bool {
-        self.held.iter().any(|held| !held.waits)
+        self.held.iter().any(|held| held.waits_until.is_none())
     }
 
     /// A serial line carries these bytes of ours now.
@@ -310,9 +310,12 @@ impl Bus {
 
     /// The reply has come that a frame waits for.
     pub fn begins(&mut self, now: u64) {
-        if let Some(held) = self.held.iter_mut().find(|held| held.waits) {
-            held.waits = false;
-            self.first_since_us = now;
+        let pause = self.bits_us(GAP_BITS);
+        for held in &mut self.held {
+            if let Some(until) = held.waits_until.take() {
+                held.acknowledged_by -= until.saturating_sub(now + pause);
+                self.first_since_us = now;
+            }
         }
     }
 

@@ -207,9 +207,9 @@ impl Oracle {
         let motion_within = moved.map(Axis::ttl_us);
         let state = &mut self.buses[usize::from(bus)];
         let replied_by = state.left_us.map_or(now, |left| left + state.window_us);
-        let begins_by = if waits { replied_by } else { now };
-        held.acknowledged_by = state.acknowledged_by(begins_by, motion_within);
-        held.waits = waits;
+        held.waits_until = waits.then_some(replied_by);
+        held.acknowledged_by =
+            state.acknowledged_by(held.waits_until.unwrap_or(now), motion_within);
         state.hand(now, held);
     }
 

@@ -140,7 +140,15 @@ impl Axis {
             (Exchange::Faults, State::Armed(armed) | State::Active(armed, _)) => {
                 armed.fault_poll_at = now;
             }
-            _ => self.state_poll_at = now,
+            (exchange, _) => {
+                self.state_poll_at = now;
+                // It was not asked: the poll that was counted is the next one again.
+                let counted = self.poll_index;
+                self.poll_index = counted.wrapping_sub(1);
+                if !self.is_next_poll(now, exchange) {
+                    self.poll_index = counted;
+                }
+            }
         }
     }
 

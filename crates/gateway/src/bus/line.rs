@@ -48,8 +48,8 @@ pub(super) struct Line {
     deframer: Option<Deframer>,
     /// What earlier deframers have rejected.
     rejected_before: u32,
-    /// What the port holds until the awaited reply has come.
-    behind_reply: Option<SerialFrame>,
+    /// What the port holds until the awaited reply has come, and until when that may.
+    behind_reply: Option<(SerialFrame, Instant)>,
     /// When the last byte was sent or heard.
     active_at: Instant,
     /// When the port took what we sent last.
@@ -136,8 +136,9 @@ impl Line {
     /// The port has taken these bytes and sends them behind the awaited reply. Returns until when
     /// that may come.
     pub fn holds(&mut self, bytes: &[u8]) -> Option<Instant> {
-        self.behind_reply = Vec::from_slice(bytes).ok();
-        self.awaited
+        let (bytes, until) = (Vec::from_slice(bytes).ok()?, self.awaited?);
+        self.behind_reply = Some((bytes, until));
+        Some(until)
     }
 
     /// Whether the port has such bytes.
@@ -150,13 +151,12 @@ impl Line {
         self.behind_reply = None;
     }
 
-    /// It sends them now, if it has any. Returns whether it had.
-    pub fn begins_held(&mut self, now: Instant) -> bool {
-        let held = self.behind_reply.take();
-        if let Some(bytes) = &held {
-            self.taken(now, bytes);
-        }
-        held.is_some()
+    /// It sends them at `at`, if it has any. Returns by how much that is before the reply had to be
+    /// there.
+    pub fn begins_held(&mut self, at: Instant) -> Option<Duration> {
+        let (bytes, until) = self.behind_reply.take()?;
+        self.taken(at, &bytes);
+        Some(until.since(at))
     }
 
     /// The port sends these bytes now.

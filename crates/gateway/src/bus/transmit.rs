@@ -74,6 +74,7 @@ impl Bus {
 
     /// The port has sent the frame in `slot`.
     pub fn transmitted(&mut self, now: Instant, slot: u8, axes: &mut Axes, out: &mut Outbox<'_>) {
+        self.begins_held(now);
         let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take)
         else {
             return;
@@ -87,7 +88,6 @@ impl Bus {
         }
         let window = self.reply_window();
         if self.kind() == BusKind::Rs485 {
-            self.begins_held(now);
             self.line.sent(now, self.line_times());
         }
         if let Some(from) = in_flight.axis {
@@ -103,10 +103,11 @@ impl Bus {
     /// The port sends now what it has kept until a reply came, if anything. Only now it was that
     /// axis's turn.
     pub(super) fn begins_held(&mut self, now: Instant) {
-        if self.line.begins_held(now)
-            && let Some(axis) = self.in_flight.iter().flatten().find_map(|held| held.axis)
-        {
-            self.last_served = axis;
+        let begins_at = now + self.line_times().gap;
+        let Some(early) = self.line.begins_held(begins_at) else { return };
+        for in_flight in self.in_flight.iter_mut().flatten() {
+            in_flight.deadline = in_flight.deadline - early;
+            self.last_served = in_flight.axis.unwrap_or(self.last_served);
         }
     }
 

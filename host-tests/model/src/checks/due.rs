@@ -195,7 +195,7 @@ impl Oracle {
         let mut kept = Vec::new();
         for bus in &mut self.buses {
             let is_can = bus.is_can();
-            let may_wait = |held: &&mut Held| is_can || held.waits;
+            let may_wait = |held: &&mut Held| is_can || held.waits_until.is_some();
             let held = bus.held.iter_mut().filter(may_wait);
             for held in held.filter(|held| held.is_motion && !held.asked_back) {
                 let started = held.start.as_ref().map_or(0, |start| start.members);

@@ -39,7 +39,7 @@ impl Oracle {
             is_motion: false,
             is_stop: false,
             is_step: false,
-            waits: false,
+            waits_until: None,
             asked_back: false,
             asked_back_us: None,
             is_raw: false,
