@@ -2,13 +2,16 @@
 //! before: its own timeout would let the load go.
 
 use crate::bench::{
-    self, arm, arm_axis, configure_axis, disarm, hello, listed, parameter, provision, run_with_host,
+    self, VELOCITY, arm, arm_axis, configure_axis, disarm, hello, keep_moving, listed, parameter,
+    provision, run_with_host,
 };
 use crate::motors::{self, Shared};
-use crate::rig::Rig;
+use crate::rig::{Instead, Rig};
 use host_protocol::{
-    AxisParameter, AxisState, Protocol, ProtocolSet, Request, StopAction, Value, requests,
+    AxisParameter, AxisState, Error, Protocol, ProtocolSet, Request, StopAction, Value, requests,
 };
+use std::cell::Cell;
+use std::rc::Rc;
 
 /// RMD node 1, told a timeout of its own, and thruster nodes 0x0B and on, on CAN bus 0. The
 /// thrusters are mute where `play` says so.
@@ -119,4 +122,48 @@ fn a_motor_that_holds_is_armed_while_another_stop_cannot_leave() {
     run_with_host(&mut rig, 400_000);
     let gap = rig.longest_gap_us(0, since, "141#");
     assert!(gap < 100_000, "its own timeout has let the load go: {gap} µs");
+}
+
+/// Stops that were missed take turns with what it must hear, however they come together.
+#[test]
+fn a_motor_holds_while_others_fall_silent_one_after_the_other() {
+    for (count, reply_window_us) in [(5, 5_000), (6, 20_000), (8, 5_000), (12, 5_000)] {
+        for apart_us in [0, 1_250, 5_100, 20_000] {
+            assert_holds_while_others_fall_silent(count, reply_window_us, apart_us);
+        }
+    }
+}
+
+fn assert_holds_while_others_fall_silent(count: u8, reply_window_us: u32, apart_us: u64) {
+    let mut rig = bench::rmd_axes(count);
+    let bus = requests::ConfigureBus {
+        bus: 0,
+        bitrate: 1_000_000,
+        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
+        exclusive: false,
+        reply_window_us,
+    };
+    rig.ask(Request::ConfigureBus(bus)).unwrap();
+    let refused = provision(&mut rig, 20);
+    let Err(Error::MotorTimeoutTooShort { least_ms, .. }) = refused else { panic!("{refused:?}") };
+    provision(&mut rig, least_ms).unwrap();
+    arm(&mut rig);
+    disarm(&mut rig);
+    let others: Vec<_> = (1..count).map(|axis| (axis, arm_axis(&mut rig, axis))).collect();
+    keep_moving(&mut rig, &others, VELOCITY, 100_000);
+    let since = rig.now_us - 50_000;
+    let last_mute = Rc::new(Cell::new(0x141));
+    let last = last_mute.clone();
+    rig.instead(move |text| match u16::from_str_radix(&text[..3], 16) {
+        Ok(id) if (0x142..=last.get()).contains(&id) => Instead::Nothing,
+        _ => Instead::AsUsual,
+    });
+    for id in 0x142..=0x140 + u16::from(count) {
+        last_mute.set(id);
+        keep_moving(&mut rig, &others, VELOCITY, apart_us);
+    }
+    keep_moving(&mut rig, &others, VELOCITY, 500_000);
+    let gap = rig.longest_gap_us(0, since, "141#");
+    let within = u64::from(least_ms) * 1_000;
+    assert!(gap < within, "{count} motors, {apart_us} µs apart: {gap} µs of {within}");
 }

@@ -86,12 +86,10 @@ impl Bus {
             let is_barred = !may_ordinary && axis.stop().is_none();
             let want = if is_barred { axis.feeding_request(now) } else { axis.next_request(now) };
             let Some(mut want) = want else { continue };
-            // On CAN what is held up in the controller keeps no stop out that goes before it.
-            let is_free = self.kind() == BusKind::Rs485 || self.nothing_in_flight();
             if want.priority == Priority::Stop
                 && stops == Stops::Sent
                 && self.takes_its_turn(axis)
-                && is_free
+                && !self.is_stuck()
             {
                 want.priority = Priority::Ordinary;
             }
@@ -132,6 +130,12 @@ impl Bus {
     pub(super) fn takes_its_turn(&self, axis: &Axis) -> bool {
         let is_urgent = axis.stop().is_some_and(Stop::is_urgent);
         (self.kind() == BusKind::Rs485 || self.bounds.outranking_replies > 0) && !is_urgent
+    }
+
+    /// A frame cannot leave the controller: it keeps no stop out that would win against it, be it
+    /// one that takes its turn.
+    fn is_stuck(&self) -> bool {
+        self.in_flight.iter().flatten().any(|f| f.overdue)
     }
 
     /// Where there is no stop: one after the other, what somebody only watches last.
