@@ -327,7 +327,9 @@ impl Bus {
             axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);
             return None;
         };
-        if goes != Goes::BehindReply {
+        // What goes out of turn takes nobody's, where the ids decide which of these goes first.
+        let has_turn = want.priority >= Priority::StopStep || self.kind() == BusKind::Rs485;
+        if has_turn && goes != Goes::BehindReply {
             self.last_served = axis.index;
         }
         // Once for a frame that leaves: on a cut bus a stop stays in the controller.
