@@ -6,7 +6,7 @@ use super::frame_bits::longest_frame_bits;
 use super::load::{objections, streamed_permille};
 use super::schedule::MAX_OUTSTANDING;
 use crate::axes::Axes;
-use crate::axis::{Axis, Is};
+use crate::axis::{Axis, Is, Stop};
 use crate::outbox::Outbox;
 use crate::protocol::{self, Info};
 use crate::time::{Duration, Instant};
@@ -203,7 +203,8 @@ impl Bus {
     }
 
     /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not
-    /// configured carries none, and has no bound; what takes its turn has that of what is no stop.
+    /// configured carries none, and has no bound. What follows a first command has the bound of what is
+    /// no stop where it may take its turn.
     fn unsent_stops<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = (usize, Instant)> + 'a {
         let stopping = self.which(Is::Stopping, axes);
         let bound = if self.config.is_some() {
@@ -212,7 +213,9 @@ impl Bus {
             Duration::ZERO
         };
         let within = move |index: usize| match axes.get(index) {
-            Some(axis) if self.takes_its_turn(axis) => self.delivered_within(),
+            Some(axis) if self.lets_take_turns() && axis.stop().is_some_and(Stop::has_left) => {
+                self.delivered_within()
+            }
             _ => bound,
         };
         axes.times(stopping, |look| look.stop_unsent_since)

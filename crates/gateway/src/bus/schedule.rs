@@ -124,12 +124,15 @@ impl Bus {
         best.map(|(index, want, _)| (index, want))
     }
 
-    /// Whether a stop that is sent again goes as everything else does: on a line, and where so many
-    /// requests may be outstanding, a motor that misses its stops must not keep the others from
-    /// hearing anything.
-    pub(super) fn takes_its_turn(&self, axis: &Axis) -> bool {
-        let is_urgent = axis.stop().is_some_and(Stop::is_urgent);
-        (self.kind() == BusKind::Rs485 || self.bounds.outranking_replies > 0) && !is_urgent
+    /// Whether a stop that is sent again goes as everything else does.
+    fn takes_its_turn(&self, axis: &Axis) -> bool {
+        self.lets_take_turns() && !axis.stop().is_some_and(Stop::is_urgent)
+    }
+
+    /// On a line, and where so many requests may be outstanding, a motor that misses its stops must
+    /// not keep the others from hearing anything.
+    pub(super) fn lets_take_turns(&self) -> bool {
+        self.kind() == BusKind::Rs485 || self.bounds.outranking_replies > 0
     }
 
     /// A frame cannot leave the controller: it keeps no stop out that would win against it, be it
