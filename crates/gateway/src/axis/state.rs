@@ -376,12 +376,14 @@ impl Axis {
         Stop::new(now, from_rest, &self.config)
     }
 
-    /// A stop is asked for although one is under way or confirmed: it is sent again at once, and
-    /// what is under way makes room, but for a stop that has still to leave.
+    /// A stop is asked for although one is under way or confirmed: it is sent again, and what is
+    /// under way makes room, but for a command of the stop: an answer to that counts.
     fn stop_again(&mut self, now: Instant) {
         let (State::Stopping(stop) | State::Tripped(_, stop)) = &mut self.state else { return };
-        if stop.ask_again(now, &self.config) {
-            self.transactions.preempt_all_but_a_stop();
+        if stop.ask_again(now, &self.config)
+            && !self.transactions.current().is_some_and(|current| current.exchange.is_stop())
+        {
+            self.transactions.preempt();
         }
     }
 

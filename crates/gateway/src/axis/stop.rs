@@ -120,7 +120,7 @@ pub(crate) struct Stop {
     /// ends that.
     owed_at: Option<Instant>,
     /// What follows the stop command has been put off for one that is owed: not again before it
-    /// has been asked.
+    /// is over.
     put_off: bool,
     /// How often a step was done again for one that was asked for.
     stayed: u8,
@@ -200,10 +200,10 @@ impl Stop {
         self.step().is_none()
     }
 
-    /// The next stop command goes before all that is no stop: not where several were missed, unless
-    /// a host has asked for it.
+    /// The next stop command goes before all that is no stop: not where several were missed, be it
+    /// one that a host has asked for.
     pub fn is_urgent(&self) -> bool {
-        self.owed_at.is_some() || self.unconfirmed < STOPS_AT_LEAST
+        self.unconfirmed < STOPS_AT_LEAST
     }
 
     fn is_resting(&self) -> bool {
@@ -268,7 +268,7 @@ impl Stop {
     }
 
     /// A stop is asked for again: the stop command goes out now, or soon if one has just left.
-    /// Returns whether it does now.
+    /// Returns whether what is under way makes room for it.
     pub fn ask_again(&mut self, now: Instant, config: &AxisConfig) -> bool {
         if !self.has_left() {
             return false;
@@ -284,8 +284,8 @@ impl Stop {
             return false;
         }
         let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
-        self.owe(just_left.unwrap_or(now));
-        just_left.is_none()
+        let puts_off = self.owe(just_left.unwrap_or(now));
+        puts_off && just_left.is_none()
     }
 
     /// A brake that does not show whether it has locked is told so once more; not for ever. Returns
@@ -301,12 +301,23 @@ impl Stop {
         may
     }
 
-    /// The stop command goes out once more at `at`, before the next reading.
-    fn owe(&mut self, at: Instant) {
+    /// The stop command goes out once more at `at`, before the next reading. Returns whether a
+    /// reading under way is put off for it.
+    fn owe(&mut self, at: Instant) -> bool {
         self.owed_at = Some(self.owed_at.map_or(at, |owed| owed.min(at)));
-        if self.step() != Some(Exchange::Stop) && !core::mem::replace(&mut self.put_off, true) {
+        if self.step() == Some(Exchange::Stop) {
+            return true;
+        }
+        let puts_off = !core::mem::replace(&mut self.put_off, true);
+        if puts_off {
             self.next_at = self.next_at.max(at);
         }
+        puts_off
+    }
+
+    /// A request has ended while there is a stop: behind a reading the next one may be put off.
+    pub(super) fn request_over(&mut self, exchange: Exchange) {
+        self.put_off &= exchange.is_stop();
     }
 
     /// When a motor that answers and does not come to rest is given up.
@@ -332,8 +343,6 @@ impl Stop {
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
         if exchange == self.command() {
             self.owed_at = None;
-        } else {
-            self.put_off = false;
         }
         let is_confirmed = self.is_confirmed();
         let repeat = if is_confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };

@@ -30,6 +30,7 @@ impl Axis {
             return;
         };
         let was_confirmed = stop.is_confirmed();
+        stop.request_over(request.exchange);
         let effect = match outcome {
             Outcome::Answered => stop.answered(now, request, seen, still, config),
             Outcome::Refused => stop.refused(now, request.exchange, config),
