@@ -167,3 +167,25 @@ fn assert_holds_while_others_fall_silent(count: u8, reply_window_us: u32, apart_
     let within = u64::from(least_ms) * 1_000;
     assert!(gap < within, "{count} motors, {apart_us} µs apart: {gap} µs of {within}");
 }
+
+/// What takes its turn waits behind a frame that leaves, and not behind one that cannot.
+#[test]
+fn stops_that_take_turns_pass_one_that_cannot_leave() {
+    let (mut rig, _) = rmd_and_thrusters(1, 160, 5_000);
+    arm(&mut rig);
+    arm_axis(&mut rig, 1);
+    rig.instead(|_| Instead::Nothing);
+    bench::e_stop(&mut rig);
+    rig.run(16_000);
+    // Loses to the RMD and wins against the thruster.
+    rig.babble(Some(0x2F0));
+    let since = rig.now_us;
+    rig.run(60_000);
+    let left: Vec<&str> = rig
+        .left
+        .iter()
+        .filter(|(at, ..)| *at >= since + 8_000)
+        .map(|(.., text)| text.as_str())
+        .collect();
+    assert!(left.len() > 3 && left.iter().all(|text| text.starts_with("141#81")), "{left:?}");
+}
