@@ -2,7 +2,7 @@
 //! and not longer (GUARANTEES G5).
 
 use crate::bench::{self, VELOCITY, move_axis};
-use crate::rig::{Echo, Rig};
+use crate::rig::{Echo, FRAME_US, MOTOR_US, Rig};
 use gateway::{Event, Outgoing, Then};
 use host_protocol::{Request, StopAction, StopTarget, requests};
 
@@ -58,9 +58,9 @@ fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
     while rig.wire.len() == sent {
         rig.run(10);
     }
+    rig.motor = Box::new(|_, _, _| None);
     rig.run(200); // the request has left, its reply has not begun
     let since = rig.now_us;
-    rig.motor = Box::new(|_, _, _| None);
     rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
     for _ in 0..8 {
         assert_eq!(stops_since(&rig, since), Vec::<u64>::new());
@@ -74,6 +74,25 @@ fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
     );
     rig.run(1_000);
     assert_eq!(stops_since(&rig, since).len(), 1);
+}
+
+/// The reply to a request whose place the stop has taken is not waited for any longer than it takes.
+#[test]
+fn a_stop_leaves_behind_the_reply_to_what_it_has_preempted() {
+    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
+    move_axis(&mut rig, VELOCITY);
+    rig.run(10_000);
+    let sent = rig.wire.len();
+    while rig.wire.len() == sent {
+        rig.run(10);
+    }
+    let (asked_at, ..) = *rig.wire.last().unwrap();
+    rig.run(150); // the request has left, its reply has not begun
+    let since = rig.now_us;
+    rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));
+    rig.run(2_000);
+    let answered_after = asked_at + 2 * FRAME_US + MOTOR_US - since;
+    assert_eq!(stops_since(&rig, since).first(), Some(&(answered_after + 174)));
 }
 
 #[test]

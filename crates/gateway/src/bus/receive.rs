@@ -115,8 +115,14 @@ impl Bus {
                     tell(axis.index, data, unreported, out);
                 }
             }
-            Some(Unasked::Late | Unasked::Objection) => {
+            Some(unasked @ (Unasked::Late | Unasked::Objection)) => {
                 self.counters.late = self.counters.late.saturating_add(1);
+                // A stop has taken the place of what this answers: the line is free for it.
+                let is_to_latest =
+                    self.last_served == axis.index && !axis.transactions.is_awaited();
+                if unasked == Unasked::Late && is_to_latest {
+                    self.line.answered();
+                }
             }
         }
     }
