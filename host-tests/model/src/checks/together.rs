@@ -233,7 +233,10 @@ impl Oracle {
     pub(super) fn started(&mut self, now: u64, bus: usize, held: &Held) {
         let Some(Started { request, members, may_be }) = held.start.clone() else { return };
         self.started += 1;
-        let outcome = may_be.is_empty().then_some(true);
+        // Its host may have been told that one of them was stopped while it was on its way.
+        let are_armed =
+            (0u8..).zip(&self.axes).all(|(index, axis)| members & bit_of(index) == 0 || axis.armed);
+        let outcome = (may_be.is_empty() && are_armed).then_some(true);
         for (link, sequence) in may_be.into_iter().chain([request]) {
             let mut records = self.links[usize::from(link)].records.iter_mut();
             let of_it =
