@@ -331,7 +331,7 @@ pub enum Then {
     /// The line has been idle for a byte's time, which counts for the pause before the next frame.
     Idle,
     /// They end the reply that a frame [waits for](Transmit::behind_reply): that frame begins when
-    /// the line has been idle for [`PAUSE_BITS`].
+    /// the line has been idle for [`PAUSE_BITS`](crate::PAUSE_BITS).
     Frame,
 }
 
