@@ -203,8 +203,8 @@ impl Bus {
     }
 
     /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not
-    /// configured carries none, and has no bound. What follows a first command has the bound of what is
-    /// no stop where it may take its turn.
+    /// configured carries none, and has no bound. What follows a first command has the bound of what
+    /// is no stop where it may take its turn.
     fn unsent_stops<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = (usize, Instant)> + 'a {
         let stopping = self.which(Is::Stopping, axes);
         let bound = if self.config.is_some() {

@@ -103,6 +103,9 @@ impl Bus {
     /// The port sends now what it has kept until a reply came, if anything. Only now it was that
     /// axis's turn.
     pub(super) fn begins_held(&mut self, now: Instant) {
+        if !self.line.is_holding() {
+            return;
+        }
         let begins_at = now + self.line_times().gap;
         let Some(early) = self.line.begins_held(begins_at) else { return };
         for in_flight in self.in_flight.iter_mut().flatten() {

@@ -181,8 +181,8 @@ impl Gateway {
     }
 
     /// Refuses frames that the motor would send by itself, or answer with, and that the bus could
-    /// not carry beside what its axes need, or in time for their motors. Those that it sends by itself count from now on, and
-    /// fewer only once the motor has taken them.
+    /// not carry beside what its axes need, or in time for their motors. Those that it sends by
+    /// itself count from now on, and fewer only once the motor has taken them.
     fn admit_frames_after(&mut self, index: u8, native: &Native) -> Result<()> {
         let Sets::Row(parameter, value) = native.command.sets() else { return Ok(()) };
         let axis = self.axis_mut(index)?;
