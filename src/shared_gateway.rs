@@ -411,24 +411,23 @@ impl SharedGateway {
     /// The slot of a frame that an RS485 bus is to give back.
     #[inline(never)]
     pub fn poll_cancel(&self, bus: u8) -> Option<u8> {
-        self.with(|parts, now| {
-            let slot = parts.core.poll_cancel(now, bus);
-            let changes = parts.core.take_changes();
-            self.hand_out(parts, now, changes);
-            self.mind_deadline(parts);
-            slot
-        })
+        self.poll(|core, now| core.poll_cancel(now, bus))
     }
 
     /// The next frame for an RS485 bus.
     #[inline(never)]
     pub fn poll_transmit(&self, bus: u8) -> Option<Transmit> {
+        self.poll(|core, now| core.poll_transmit(now, bus))
+    }
+
+    /// Asks the core for an RS485 bus, and does what follows for the others.
+    fn poll<R>(&self, ask: impl FnOnce(&mut Core, Instant) -> R) -> R {
         self.with(|parts, now| {
-            let transmit = parts.core.poll_transmit(now, bus);
+            let given = ask(&mut parts.core, now);
             let changes = parts.core.take_changes();
             self.hand_out(parts, now, changes);
             self.mind_deadline(parts);
-            transmit
+            given
         })
     }
 
