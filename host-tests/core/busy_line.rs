@@ -49,8 +49,8 @@ fn bytes_without_a_pause_hold_a_stop_back_no_longer_than_the_bound() {
     }
 }
 
-#[test]
-fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
+/// A motor that moves has just been sent a request. Returns when it began, too.
+fn just_asked() -> (Rig, u64) {
     let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
     move_axis(&mut rig, VELOCITY);
     rig.run(10_000);
@@ -58,6 +58,13 @@ fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
     while rig.wire.len() == sent {
         rig.run(10);
     }
+    let (asked_at, ..) = *rig.wire.last().unwrap();
+    (rig, asked_at)
+}
+
+#[test]
+fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
+    let (mut rig, _) = just_asked();
     rig.motor = Box::new(|_, _, _| None);
     rig.run(200); // the request has left, its reply has not begun
     let since = rig.now_us;
@@ -79,14 +86,7 @@ fn a_stop_does_not_talk_into_the_reply_that_was_asked_for() {
 /// The reply to a request whose place the stop has taken is not waited for any longer than it takes.
 #[test]
 fn a_stop_leaves_behind_the_reply_to_what_it_has_preempted() {
-    let (mut rig, _) = bench::rmd_serial(StopAction::Hold);
-    move_axis(&mut rig, VELOCITY);
-    rig.run(10_000);
-    let sent = rig.wire.len();
-    while rig.wire.len() == sent {
-        rig.run(10);
-    }
-    let (asked_at, ..) = *rig.wire.last().unwrap();
+    let (mut rig, asked_at) = just_asked();
     rig.run(150); // the request has left, its reply has not begun
     let since = rig.now_us;
     rig.send(&Request::Stop(requests::Stop { target: StopTarget::Axis(0) }));

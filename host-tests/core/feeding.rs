@@ -13,6 +13,18 @@ use host_protocol::{
 use std::cell::Cell;
 use std::rc::Rc;
 
+/// Bus 0 carries RMDs and thrusters, and awaits replies for so long.
+fn may_have_thrusters(rig: &mut Rig, reply_window_us: u32) {
+    let bus = requests::ConfigureBus {
+        bus: 0,
+        bitrate: 1_000_000,
+        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
+        exclusive: false,
+        reply_window_us,
+    };
+    rig.ask(Request::ConfigureBus(bus)).unwrap();
+}
+
 /// RMD node 1, told a timeout of its own, and thruster nodes 0x0B and on, on CAN bus 0. The
 /// thrusters are mute where `play` says so.
 fn rmd_and_thrusters(thrusters: u8, timeout_ms: u32, reply_window_us: u32) -> (Rig, Shared) {
@@ -28,14 +40,7 @@ fn rmd_and_thrusters(thrusters: u8, timeout_ms: u32, reply_window_us: u32) -> (R
         }
     });
     hello(&mut rig);
-    let bus = requests::ConfigureBus {
-        bus: 0,
-        bitrate: 1_000_000,
-        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
-        exclusive: false,
-        reply_window_us,
-    };
-    rig.ask(Request::ConfigureBus(bus)).unwrap();
+    may_have_thrusters(&mut rig, reply_window_us);
     configure_axis(&mut rig, 0, 0, Protocol::Rmd, 1, StopAction::Hold);
     for axis in 1..=thrusters {
         configure_axis(&mut rig, axis, 0, Protocol::Thruster, 0x0A + axis, StopAction::Coast);
@@ -136,14 +141,7 @@ fn a_motor_holds_while_others_fall_silent_one_after_the_other() {
 
 fn assert_holds_while_others_fall_silent(count: u8, reply_window_us: u32, apart_us: u64) {
     let mut rig = bench::rmd_axes(count);
-    let bus = requests::ConfigureBus {
-        bus: 0,
-        bitrate: 1_000_000,
-        protocols: ProtocolSet::of(&[Protocol::Rmd, Protocol::Thruster]),
-        exclusive: false,
-        reply_window_us,
-    };
-    rig.ask(Request::ConfigureBus(bus)).unwrap();
+    may_have_thrusters(&mut rig, reply_window_us);
     let refused = provision(&mut rig, 20);
     let Err(Error::MotorTimeoutTooShort { least_ms, .. }) = refused else { panic!("{refused:?}") };
     provision(&mut rig, least_ms).unwrap();
