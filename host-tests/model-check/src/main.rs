@@ -25,8 +25,6 @@ const BAD_FRAMES: u64 = 1_000_000;
 const SETTLE_US: u64 = 300_000;
 /// Runs that the search for a shorter counterexample may take.
 const SHRINK_RUNS: u32 = 2_000;
-/// Lines of the trace that a replay prints.
-const TRACE_LINES: usize = 60;
 
 /// Letters of the longest sequences that are judged exhaustively, and how long that may take.
 const DEPTH: u8 = 4;
@@ -262,8 +260,7 @@ fn replay(file: &str, known: &[&str]) -> ExitCode {
     while broken(&world).is_none() && world.since_start_us() < end {
         world.run_to(world.since_start_us() + 100);
     }
-    let trace = world.trace();
-    trace[trace.len().saturating_sub(TRACE_LINES)..].iter().for_each(|line| println!("{line}"));
+    world.trace().iter().for_each(|line| println!("{line}"));
     match broken(&world) {
         Some(violation) => {
             println!("{violation}");
