@@ -325,8 +325,8 @@ impl Gateway {
     /// not be polled.
     pub fn may_want(&self, now: Instant, bus: u8) -> bool {
         let polled = self.buses.get(usize::from(bus));
-        !self.unstopped.is_empty()
-            || !self.axes.which(Is::Spreading).is_empty()
+        !self.axes.which(Is::Spreading).is_empty()
+            || self.may_begin_stop(bus)
             || polled.is_some_and(|bus| bus.may_want(now, &self.axes))
     }
 
@@ -335,6 +335,12 @@ impl Gateway {
     pub fn awaits_reply(&self, now: Instant, bus: u8) -> bool {
         let polled = self.buses.get(usize::from(bus));
         polled.is_some_and(|bus| bus.may_wait_for_reply(now, &self.axes))
+    }
+
+    /// Whether a bus has still to send the first stop of an axis.
+    pub fn owes_first_stop(&self, bus: u8) -> bool {
+        let stopping = self.axes.which(Is::FirstStop).with(self.unstopped.axes());
+        !self.axes.on(bus).and(stopping).is_empty()
     }
 
     /// The next frame for a bus, if the bus may send one now.

@@ -313,6 +313,17 @@ impl Bus {
             .map(|(slot, _)| slot)
     }
 
+    /// Whether the controller has first stops and nothing else, none waits beside them, and they
+    /// still go before everything else.
+    pub(super) fn waits_for_first_stop(&self, now: Instant, axes: &Axes) -> bool {
+        let keeps = |f: &InFlight| f.is_first_stop && f.collided_at.is_none();
+        self.kind() == BusKind::Can
+            && !self.nothing_in_flight()
+            && self.in_flight.iter().flatten().all(keeps)
+            && self.which(Is::Ready, axes).and(axes.which(Is::FirstStop)).is_empty()
+            && self.stops(now, axes) == Stops::First
+    }
+
     /// The highest id of a first stop in the controller that still goes before everything else: a
     /// frame beside it with a lower id would leave before it.
     pub(super) fn first_stop_in_controller(&self, now: Instant, axes: &Axes) -> Option<CanId> {

@@ -130,8 +130,11 @@ impl Bus {
     /// Whether a bus that has just changed may have a frame to send or to cancel: where it stops
     /// nothing, it sends one frame at a time.
     pub fn may_want(&self, now: Instant, axes: &Axes) -> bool {
-        if self.raw.is_some() || self.is_stopping(axes) {
+        if self.raw.is_some() {
             return true;
+        }
+        if self.is_stopping(axes) {
+            return !self.waits_for_first_stop(now, axes);
         }
         match self.may_send_ordinary(now) || self.may_wait_for_reply(now, axes) {
             true => !self.which(Is::Ready, axes).is_empty(),

@@ -61,12 +61,23 @@ impl Gateway {
             self.tick_links(now);
         }
         self.give_up_flight_reading(now);
-        self.tick_running(now);
+        // A period can wait until all that is to be stopped has been reached, and so can a bus.
+        if self.unstopped.is_empty() {
+            self.tick_running(now);
+        }
         self.settle(now);
         let due = self.axes.due(now);
         if !due.is_empty() {
             self.expire_axes(now, due);
         }
+        if self.unstopped.is_empty() {
+            self.supervise_buses(now);
+        }
+    }
+
+    /// What time has brought to the buses.
+    #[inline(always)]
+    fn supervise_buses(&mut self, now: Instant) {
         // What of these is due may not have been worked out yet.
         let unwatched = self.unwatched_buses.take();
         let touched = self.touched_buses;

@@ -134,19 +134,24 @@ impl Gateway {
         }
     }
 
+    /// Whether one more axis of a bus may be reached: there is one, and none is owed its first stop
+    /// that was reached before.
+    pub(crate) fn may_begin_stop(&self, bus: u8) -> bool {
+        let (since, here) = (self.unstopped.since, self.axes.on(bus));
+        let is_reached = |axis: &Axis| axis.stop().is_some_and(|stop| stop.since >= since);
+        !self.unstopped.axes().and(here).is_empty()
+            && !self.axes.of(self.axes.which(Is::FirstStop).and(here)).any(is_reached)
+    }
+
     /// As long as the first stop of one that was reached is owed, it keeps back what those of the
     /// others would. One from before may have been held up for too long to do so: who does not stop
     /// yet begins beside it.
     #[inline(never)]
     fn reach_first(&mut self, bus: u8) {
-        loop {
-            let (since, here) = (self.unstopped.since, self.axes.on(bus));
-            let owed = self.axes.which(Is::FirstStop).and(here);
-            let is_reached = |axis: &Axis| axis.stop().is_some_and(|stop| stop.since >= since);
-            if self.axes.of(owed).any(is_reached) {
-                return;
-            }
+        while self.may_begin_stop(bus) {
+            let here = self.axes.on(bus);
             let unstopped = self.unstopped.axes().and(here);
+            let owed = self.axes.which(Is::FirstStop).and(here);
             let stopping = if owed.is_empty() { Set::NONE } else { self.axes.which(Is::Stopping) };
             let begin = self.axes.of(unstopped.without(stopping));
             let waits = |axis: &Axis| axis.transactions.with_port().is_some();
