@@ -53,7 +53,7 @@ impl CanBus {
             has_polled = true;
         }
         let is_off = self.reported.is_some_and(|reported| reported.state == BusState::BusOff);
-        while !is_off && controller.has_room() {
+        while !is_off && controller.has_room() && core.may_want(now, self.bus) {
             let Some(Transmit { slot, frame, is_alone, .. }) = &core.poll_transmit(now, self.bus)
             else {
                 break;

@@ -27,6 +27,7 @@ use crate::can_bus::CanBus;
 use crate::fdcan::{self, CanPort};
 use crate::flight::{self, Core};
 use crate::retained::{self, CoreWords};
+use crate::task_budget;
 use crate::watchdog::{self, Watch};
 
 /// Every task runs in thread mode, so the core is guarded without masking interrupts: the
@@ -298,6 +299,8 @@ impl SharedGateway {
         let changes = parts.storing(|core, store| core.handle(now, *event, store));
         self.hand_out(parts, now, changes);
         board::set_enable_output(parts.core.enable_output() && !self.is_bare);
+        let mut lines = (FIRST_RS485..).take(RS485_BUSES);
+        task_budget::set_stops_on_lines(lines.any(|bus| parts.core.owes_first_stop(bus)));
         if changes.flight_read || parts.core.is_due() {
             self.flight.signal(());
         }

@@ -41,9 +41,10 @@ pub enum Urgency {
 
 /// Rounds that an urgent task may run without having to wait before it goes behind all others.
 const BUDGET: u8 = 4;
-/// Budgets of the CAN buses: behind each but the last only what can demand a stop goes before them.
-/// So the stops of an e-stop leave in time although floods leave no task anything to wait for.
-const CAN_BUDGETS: u8 = 16;
+/// The same of the CAN buses: behind each round only what can demand a stop goes before them, and an
+/// RS485 bus that has a first stop to send. So the stops of an e-stop leave in time although floods
+/// leave no task anything to wait for.
+const CAN_BUDGET: u8 = 64;
 
 /// So long the urgent tasks may keep the processor to themselves: the watchdog waits for three
 /// times as much, and a loop may miss being looked at once.
@@ -54,6 +55,8 @@ const LOOKED_AT_EVERY: u32 = 16;
 static OTHERS_RAN: AtomicU32 = AtomicU32::new(0);
 /// They have not had one for too long.
 static OTHERS_STARVE: AtomicBool = AtomicBool::new(false);
+/// An RS485 bus has a first stop to send.
+static STOPS_ON_LINES: AtomicBool = AtomicBool::new(false);
 /// Rounds of urgent tasks.
 static ROUNDS: AtomicU32 = AtomicU32::new(0);
 /// Those of RS485 buses and host links, of the CAN buses, the deadlines and the e-stop input.
@@ -72,6 +75,12 @@ fn low_bits(us: u64) -> u32 {
 /// Whether the urgent tasks have kept the processor from the others for too long.
 pub fn others_starve() -> bool {
     OTHERS_STARVE.load(Ordering::Relaxed)
+}
+
+/// Whether an RS485 bus has still to send the first stop of an axis: then it takes turns with the CAN
+/// buses.
+pub fn set_stops_on_lines(stops: bool) {
+    STOPS_ON_LINES.store(stops, Ordering::Relaxed);
 }
 
 /// The others have had a turn: one of them says so. Each urgent task goes before them again, one
@@ -163,12 +172,15 @@ impl TaskBudget {
 
     fn spend(&self) {
         let spent = self.spent.get() + 1;
-        let budgets = if self.urgency == Urgency::Can { CAN_BUDGETS } else { 1 };
-        let is_last = spent == BUDGET * budgets;
+        let budget = if self.urgency == Urgency::Can { CAN_BUDGET } else { BUDGET };
+        let is_last = spent == budget;
         self.spent.set(if is_last { 0 } else { spent });
-        if is_last {
+        let is_bus = matches!(self.urgency, Urgency::Can | Urgency::Bus);
+        if is_bus && STOPS_ON_LINES.load(Ordering::Relaxed) {
+            self.set_urgency(Urgency::Bus);
+        } else if is_last {
             self.set_urgency(Urgency::None);
-        } else if spent.is_multiple_of(BUDGET) {
+        } else if self.urgency == Urgency::Can {
             self.set_urgency(Urgency::Demand);
         }
     }
