@@ -132,7 +132,12 @@ impl Bus {
     /// On a line, and where so many requests may be outstanding, a motor that misses its stops must
     /// not keep the others from hearing anything.
     pub(super) fn lets_take_turns(&self) -> bool {
-        self.kind() == BusKind::Rs485 || self.bounds.outranking_replies > 0
+        self.stops_wait_for_time() || self.bounds.outranking_replies > 0
+    }
+
+    /// Whether a stop may have to wait for a reply, and so for the time when none comes.
+    pub fn stops_wait_for_time(&self) -> bool {
+        self.kind() == BusKind::Rs485 || self.bounds.shares_ids
     }
 
     /// A frame cannot leave the controller: it keeps no stop out that would win against it, be it
@@ -316,10 +321,10 @@ impl Bus {
     /// Whether the controller has first stops and nothing else, none waits beside them, and they
     /// still go before everything else.
     pub(super) fn waits_for_first_stop(&self, now: Instant, axes: &Axes) -> bool {
-        let keeps = |f: &InFlight| f.is_first_stop && f.collided_at.is_none();
         self.kind() == BusKind::Can
             && !self.nothing_in_flight()
-            && self.in_flight.iter().flatten().all(keeps)
+            && self.in_flight.iter().flatten().all(|f| f.is_first_stop)
+            && self.unwanted(now, None, axes).is_none()
             && self.which(Is::Ready, axes).and(axes.which(Is::FirstStop)).is_empty()
             && self.stops(now, axes) == Stops::First
     }

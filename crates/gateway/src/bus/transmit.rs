@@ -74,11 +74,11 @@ impl Bus {
 
     /// The port has sent the frame in `slot`.
     pub fn transmitted(&mut self, now: Instant, slot: u8, axes: &mut Axes, out: &mut Outbox<'_>) {
-        self.begins_held(now);
-        let Some(in_flight) = self.in_flight.get_mut(usize::from(slot)).and_then(Option::take)
-        else {
-            return;
-        };
+        let place = usize::from(slot);
+        if self.in_flight.get(place).is_some_and(Option::is_some) {
+            self.begins_held(now);
+        }
+        let Some(in_flight) = self.in_flight.get_mut(place).and_then(Option::take) else { return };
         self.counters.transmitted = self.counters.transmitted.saturating_add(1);
         self.carried(now);
         self.time_left = None;
@@ -164,7 +164,12 @@ impl Bus {
     /// A frame in the controller that is not to leave, and has not been asked back; on a line one
     /// that waits for a reply. `first_stop`: it goes before all that is no stop and has a higher
     /// id.
-    fn unwanted(&self, now: Instant, first_stop: Option<CanId>, axes: &Axes) -> Option<u8> {
+    pub(super) fn unwanted(
+        &self,
+        now: Instant,
+        first_stop: Option<CanId>,
+        axes: &Axes,
+    ) -> Option<u8> {
         if self.kind() == BusKind::Rs485 && !self.line.is_holding() {
             return None;
         }

@@ -61,7 +61,7 @@ impl Gateway {
             self.tick_links(now);
         }
         self.give_up_flight_reading(now);
-        // A period can wait until all that is to be stopped has been reached, and so can a bus.
+        // A period can wait until all that is to be stopped has been reached.
         if self.unstopped.is_empty() {
             self.tick_running(now);
         }
@@ -70,27 +70,30 @@ impl Gateway {
         if !due.is_empty() {
             self.expire_axes(now, due);
         }
-        if self.unstopped.is_empty() {
-            self.supervise_buses(now);
-        }
-    }
-
-    /// What time has brought to the buses.
-    #[inline(always)]
-    fn supervise_buses(&mut self, now: Instant) {
         // What of these is due may not have been worked out yet.
-        let unwatched = self.unwatched_buses.take();
+        let unwatched = self.unwatched_buses;
         let touched = self.touched_buses;
         let all_known = self.first_bus_due > now;
-        let looked_at = if all_known { touched.with(unwatched) } else { Set::ALL };
+        let mut looked_at = if all_known { touched.with(unwatched) } else { Set::ALL };
+        if !self.unstopped.is_empty() {
+            looked_at = looked_at.and(self.buses_whose_stops_wait_for_time());
+        }
         if !looked_at.is_empty() {
+            self.unwatched_buses.put(looked_at, false);
             self.expire_buses(now, looked_at, unwatched);
         }
     }
 
+    /// Buses on which a stop may come due by time alone; on the others it follows from an event,
+    /// and all else can wait until all that is to be stopped has been reached.
+    fn buses_whose_stops_wait_for_time(&self) -> Set {
+        let waiting = self.buses.iter().filter(|bus| bus.stops_wait_for_time());
+        waiting.map(|bus| bus.index()).collect()
+    }
+
     /// What time has brought to these buses.
     fn expire_buses(&mut self, now: Instant, looked_at: Set, unwatched: Set) {
-        let mut due = self.touched_buses;
+        let mut due = self.touched_buses.and(looked_at);
         let Self { buses, axes, links, .. } = self;
         let mut out = Outbox::new(now, links);
         for index in looked_at {
