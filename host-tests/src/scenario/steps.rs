@@ -68,12 +68,14 @@ impl Bench {
         result
     }
 
-    /// `repeat N TIME STEP`: the step, then a silence, so often.
+    /// `repeat N TIME STEP ; …`: the steps, then a silence, so often.
     fn repeat(&mut self, words: &[&str]) -> Result<(), String> {
         let times: usize = parse(words, 0, "count")?;
         let pause = duration(words, 1)?;
         for _ in 0..times {
-            self.step(words.get(3..).unwrap_or_default())?;
+            for step in words.get(3..).unwrap_or_default().split(|word| *word == ";") {
+                self.step(step)?;
+            }
             self.silence(pause);
         }
         Ok(())

@@ -4,7 +4,7 @@
 use super::Bus;
 use super::frame_bits::longest_frame_bits;
 use super::load::{objections, streamed_permille};
-use super::schedule::MAX_OUTSTANDING;
+use super::schedule::{EXCHANGE_FRAMES, MAX_OUTSTANDING};
 use crate::axes::Axes;
 use crate::axis::{Axis, Is, Stop};
 use crate::outbox::Outbox;
@@ -107,6 +107,16 @@ impl Bus {
             }
             BusKind::Rs485 => SOFTWARE + self.line_times().stop_bound(stops),
         }
+    }
+
+    /// How much longer than its window the reply to a stop may take where stops win against replies:
+    /// the stops of all other axes here, and the replies to these, may go before it.
+    pub(super) fn stops_pass_replies_for(&self, axes: &Axes) -> Duration {
+        if self.kind() == BusKind::Rs485 || self.bounds.outranking_replies > 0 {
+            return Duration::ZERO;
+        }
+        let others = u64::from(self.here(axes).len().saturating_sub(1));
+        self.frame_time(EXCHANGE_FRAMES * others)
     }
 
     /// Works out what the axes here have the bus carry, and how long others wait for it.

@@ -13,7 +13,7 @@ use host_protocol::{BusKind, CanId};
 /// lose to so many (GUARANTEES G5).
 pub(super) const MAX_OUTSTANDING: usize = 4;
 /// The frames of a request and its reply, on CAN or RS485.
-const EXCHANGE_FRAMES: u64 = 2;
+pub(super) const EXCHANGE_FRAMES: u64 = 2;
 /// A first stop that may leave and has not within so many frame times keeps no other stop from
 /// being repeated and confirmed (GUARANTEES G4).
 const FIRST_STOPS_BAR_FRAMES: u64 = 4;

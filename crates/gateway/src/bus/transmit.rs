@@ -86,7 +86,10 @@ impl Bus {
         if in_flight.is_first_stop {
             self.first_stops_since = now;
         }
-        let window = self.reply_window();
+        let mut window = self.reply_window();
+        if in_flight.is_stop {
+            window = window + self.stops_pass_replies_for(axes);
+        }
         if self.kind() == BusKind::Rs485 {
             self.line.sent(now, self.line_times());
         }
