@@ -10,9 +10,9 @@ use host_protocol::{AxisState, Event as HostEvent, Protocol, StopAction, TripRea
 const REFRESH_US: u64 = 20_000;
 
 /// One RMD axis on a line at 115200 baud, whose frames take 1129 us and whose pause takes 174 us: a
-/// stop, twice the window of the motor, two exchanges.
+/// stop, twice the window of the motor, four exchanges.
 const BOUND_US: u64 =
-    100 + (2 * 1_129 + 1_000 + 174 + 1_129) + 2 * 5_000 + 2 * (2 * 1_129 + 174 + 5_000);
+    100 + (2 * 1_129 + 1_000 + 174 + 1_129) + 2 * 5_000 + 4 * (2 * 1_129 + 174 + 5_000);
 
 fn rig() -> Rig {
     let mut rig = Rig::new();

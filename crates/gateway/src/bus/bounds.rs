@@ -25,6 +25,11 @@ const ALLOWANCE: Duration = Duration::from_millis(1);
 /// (GUARANTEES G4).
 const NOT_SENT_AFTER: Duration = Duration::from_millis(100);
 
+/// Requests of each axis behind which a frame that is no stop may have to leave: its own poll or
+/// another motor's request, and where that falls silent two stops, and what overwrites a write that
+/// may wait in it.
+const REQUESTS_IN_FRONT: u64 = 4;
+
 /// What the axes of a bus have it carry, and how long others wait for it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Bounds {
@@ -39,8 +44,8 @@ pub(super) struct Bounds {
     pub streamed_at_once: Duration,
     /// The share of the bus's time that these take.
     pub streamed_permille: u64,
-    /// Within what time a frame that is no stop has left after it was due: behind two requests of
-    /// each axis, as every other one of an axis is a poll.
+    /// Within what time a frame that is no stop has left after it was due: behind
+    /// [`REQUESTS_IN_FRONT`] of each axis.
     ordinary: Duration,
     /// How long a motor waits for what it must hear, a reply of its own being lost: behind the
     /// requests of the others.
@@ -140,7 +145,7 @@ impl Bus {
         }
         self.bounds = bounds;
         let count: u64 = self.here(axes).len().into();
-        self.bounds.ordinary = self.ordinary_bound(axes, 2 * count);
+        self.bounds.ordinary = self.ordinary_bound(axes, REQUESTS_IN_FRONT * count);
         self.bounds.feeding = self.ordinary_bound(axes, 2 * count.saturating_sub(1));
     }
 
