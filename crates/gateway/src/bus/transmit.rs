@@ -341,8 +341,8 @@ impl Bus {
             axis.trip(now, TripReason::Internal { code: INTERNAL_ENCODING }, out);
             return None;
         };
-        // What goes out of turn takes nobody's, where the ids decide which of these goes first.
-        let has_turn = want.priority >= Priority::StopStep || self.kind() == BusKind::Rs485;
+        // What goes out of turn takes nobody's.
+        let has_turn = want.priority >= Priority::StopStep;
         if has_turn && goes != Goes::BehindReply {
             self.last_served = axis.index;
         }
