@@ -133,7 +133,7 @@ impl Axis {
         let Some(request) = self.transactions.cancelled(slot) else { return };
         self.not_delivered(&request);
         match (request.exchange, &mut self.state) {
-            (Exchange::Motion, _) => self.resend_motion(now),
+            (Exchange::Motion, _) => self.motion_not_sent(now),
             (exchange, State::Stopping(stop) | State::Tripped(_, stop)) => {
                 stop.cancelled(now, exchange);
             }

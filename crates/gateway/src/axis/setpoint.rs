@@ -212,6 +212,14 @@ impl Axis {
         }
     }
 
+    /// A motion has not left: it is due again, and it is its turn.
+    pub(super) fn motion_not_sent(&mut self, now: Instant) {
+        if let State::Active(armed, _) = &mut self.state {
+            armed.motion_was_last = false;
+        }
+        self.resend_motion(now);
+    }
+
     /// Whether the mailbox still holds this very command.
     pub(super) fn is_in_force(&self, command: &Command) -> bool {
         self.motion().is_some_and(|motion| motion.command == *command)
