@@ -53,11 +53,11 @@ impl CanBus {
             has_polled = true;
         }
         let is_off = self.reported.is_some_and(|reported| reported.state == BusState::BusOff);
-        while !is_off && controller.has_room() && core.may_want(now, self.bus) {
-            let Some(Transmit { slot, frame, is_alone, .. }) = &core.poll_transmit(now, self.bus)
-            else {
-                break;
-            };
+        let mut wants = !is_off;
+        while wants
+            && controller.has_room()
+            && let Some(Transmit { slot, frame, is_alone, .. }) = &core.poll_transmit(now, self.bus)
+        {
             has_polled = true;
             match frame {
                 Outgoing::Can(frame) => {
@@ -68,9 +68,7 @@ impl CanBus {
                     defmt::error!("bus {=u8}: bytes for a CAN bus", self.bus);
                 }
             }
-            if *is_alone {
-                break;
-            }
+            wants = !is_alone && core.may_want(now, self.bus);
         }
         has_polled
     }

@@ -326,7 +326,7 @@ impl Gateway {
     pub fn may_want(&self, now: Instant, bus: u8) -> bool {
         let polled = self.buses.get(usize::from(bus));
         !self.axes.which(Is::Spreading).is_empty()
-            || self.may_begin_stop(bus)
+            || !self.unstopped.is_empty() && self.may_begin_stop(bus)
             || polled.is_some_and(|bus| bus.may_want(now, &self.axes))
     }
 

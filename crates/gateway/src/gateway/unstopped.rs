@@ -136,6 +136,7 @@ impl Gateway {
 
     /// Whether one more axis of a bus may be reached: there is one, and none is owed its first stop
     /// that was reached before.
+    #[inline(never)]
     pub(crate) fn may_begin_stop(&self, bus: u8) -> bool {
         let (since, here) = (self.unstopped.since, self.axes.on(bus));
         let is_reached = |axis: &Axis| axis.stop().is_some_and(|stop| stop.since >= since);
