@@ -2,8 +2,9 @@
 //! writes that anew.
 //!
 //! `.ci/virtual-board reaction [--board BOARD] [--phases N] [--only LINE] [--trace | --turns |
-//! --renew]` builds the image and runs it, in virtual time. `--trace` prints instead what the bus
-//! carried about the slowest stop of each line, `--turns` the longest turns of the tasks.
+//! --turns-behind | --renew]` builds the image and runs it, in virtual time. `--trace` prints instead
+//! what the bus carried about the slowest stop of each line, `--turns` the longest turns of the
+//! tasks, `--turns-behind` every turn of them behind an e-stop.
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -39,6 +40,7 @@ impl Arguments {
                 "--renew" => read.renew = true,
                 "--trace" => read.look = Some(Look::Trace),
                 "--turns" => read.look = Some(Look::Turns),
+                "--turns-behind" => read.look = Some(Look::TurnsBehind),
                 _ => return None,
             }
         }
@@ -49,7 +51,10 @@ impl Arguments {
 
 fn main() -> ExitCode {
     let Some(arguments) = Arguments::read(std::env::args().skip(1)) else {
-        eprintln!("usage: reaction [--phases N] [--only LINE] [--trace | --turns | --renew]");
+        eprintln!(
+            "usage: reaction [--phases N] [--only LINE] \
+             [--trace | --turns | --turns-behind | --renew]"
+        );
         return ExitCode::from(2);
     };
     exit_code(run(&arguments))

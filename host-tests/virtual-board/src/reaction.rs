@@ -129,6 +129,8 @@ pub enum Look {
     Trace,
     /// The longest turns of the tasks before that, in each situation.
     Turns,
+    /// Every turn of them behind an e-stop, in each situation.
+    TurnsBehind,
 }
 
 /// Looks at the lines of the table whose names contain `filter`, at each speed.
@@ -151,8 +153,13 @@ pub fn look(
         };
         for (situation, lines) in wanted(filter) {
             let rig = Stand::new(&board, situation.bus).set_up(situation);
-            if look == Look::Turns {
-                text += &format!("{situation}, at {speed} a second\n{}", rig.turns(&functions));
+            let turns = match look {
+                Look::Turns => rig.turns(&functions),
+                Look::TurnsBehind => rig.turns_behind(&Cause::command(&EStop {}), &functions),
+                Look::Trace => String::new(),
+            };
+            if look != Look::Trace {
+                text += &format!("{situation}, at {speed} a second\n{turns}");
                 continue;
             }
             for line in lines {

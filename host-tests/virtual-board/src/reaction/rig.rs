@@ -340,7 +340,15 @@ impl Rig {
 
     /// The longest turns of the tasks, as text. The board goes on meanwhile.
     pub(super) fn turns(&self, functions: &Functions) -> String {
-        turns::of(&mut self.machine.borrow_mut(), functions)
+        turns::longest(&mut self.machine.borrow_mut(), functions)
+    }
+
+    /// Every turn of them behind an e-stop, as text. The board is stopped then.
+    pub(super) fn turns_behind(&self, e_stop: &Cause, functions: &Functions) -> String {
+        let mut machine = self.machine.borrow_mut();
+        machine.run_for(self.begin);
+        computer(machine.part_mut(), e_stop.from).send(&e_stop.bytes);
+        turns::in_order(&mut machine, functions)
     }
 
     /// Has `cause` come in a branch of the run, and a report made of the part and of when it came.
