@@ -175,14 +175,15 @@ impl TaskBudget {
         let budget = if self.urgency == Urgency::Can { CAN_BUDGET } else { BUDGET };
         let is_last = spent == budget;
         self.spent.set(if is_last { 0 } else { spent });
-        let is_bus = matches!(self.urgency, Urgency::Can | Urgency::Bus);
-        if is_bus && STOPS_ON_LINES.load(Ordering::Relaxed) {
-            self.set_urgency(Urgency::Bus);
-        } else if is_last {
-            self.set_urgency(Urgency::None);
-        } else if self.urgency == Urgency::Can {
-            self.set_urgency(Urgency::Demand);
-        }
+        let stops_on_lines = STOPS_ON_LINES.load(Ordering::Relaxed);
+        let urgency = match self.urgency {
+            Urgency::Bus if stops_on_lines => Urgency::Bus,
+            _ if is_last => Urgency::None,
+            Urgency::Can if stops_on_lines => Urgency::Bus,
+            Urgency::Can => Urgency::Demand,
+            _ => return,
+        };
+        self.set_urgency(urgency);
     }
 
     /// While the others starve it goes behind them, unless it can demand a stop.
