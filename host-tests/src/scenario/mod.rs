@@ -89,6 +89,9 @@ fn play_on(wiring: Wiring, text: &str, seed: u64) -> Result<Bench, String> {
     let mut steps = lines.filter(|(_, _, words)| !words.is_empty()).peekable();
     // What hangs on the buses must be known before the world begins.
     let mut wiring = Wiring { seed, ..wiring };
+    if steps.next_if(|(_, _, words)| words == &["no-motors"]).is_some() {
+        wiring.motors.clear();
+    }
     while let Some((number, line, words)) =
         steps.next_if(|(_, _, words)| words.first() == Some(&"motor"))
     {

@@ -90,13 +90,17 @@ pub fn protocols(text: &str) -> Result<ProtocolSet, String> {
     })
 }
 
-/// `motor BUS PROTOCOL NODE [CAN_ID]`: one more motor on the buses, a D5 on a CAN id of its own.
+/// `motor BUS PROTOCOL NODE [CAN_ID|BITRATE]`: one more motor on the buses, a D5 on a CAN id of its
+/// own, any other one at a bitrate of its own.
 pub fn motor(wiring: Wiring, words: &[&str]) -> Result<Wiring, String> {
     let name: String = parse(words, 2, "protocol")?;
     let protocol = Protocol::from_name(&name).ok_or_else(|| format!("{name} is no protocol"))?;
     let mut wiring = wiring.with(parse(words, 1, "bus")?, protocol, parse(words, 3, "node")?);
     if let Some(motor) = wiring.motors.last_mut().filter(|_| words.len() > 4) {
-        motor.can_id = Some(parse(words, 4, "CAN id")?);
+        match protocol {
+            Protocol::D5 => motor.can_id = Some(parse(words, 4, "CAN id")?),
+            _ => motor.bitrate = parse(words, 4, "bitrate")?,
+        }
     }
     Ok(wiring)
 }
