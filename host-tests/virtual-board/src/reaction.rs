@@ -154,17 +154,15 @@ pub fn look(
         for (situation, lines) in wanted(filter) {
             let rig = Stand::new(&board, situation.bus).set_up(situation);
             let turns = match look {
+                Look::Trace => {
+                    let told = lines.into_iter();
+                    text.extend(told.map(|line| trace(&rig, situation, line, speed, phases)));
+                    continue;
+                }
                 Look::Turns => rig.turns(&functions),
                 Look::TurnsBehind => rig.turns_behind(&Cause::command(&EStop {}), &functions),
-                Look::Trace => String::new(),
             };
-            if look != Look::Trace {
-                text += &format!("{situation}, at {speed} a second\n{turns}");
-                continue;
-            }
-            for line in lines {
-                text += &trace(&rig, situation, line, speed, phases);
-            }
+            text += &format!("{situation}, at {speed} a second\n{turns}");
         }
     }
     Ok(text)
