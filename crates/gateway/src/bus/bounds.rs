@@ -218,8 +218,8 @@ impl Bus {
     }
 
     /// The axes here whose stop does not leave, and when that counts as not sent. A bus that is not
-    /// configured carries none, and has no bound. What follows a first command has the bound of what
-    /// is no stop where it may take its turn.
+    /// configured carries none, and has no bound. What follows a first command may have to take its
+    /// turn, and has the bound of what is no stop.
     fn unsent_stops<'a>(&'a self, axes: &'a Axes) -> impl Iterator<Item = (usize, Instant)> + 'a {
         let stopping = self.which(Is::Stopping, axes);
         let bound = if self.config.is_some() {
@@ -228,9 +228,7 @@ impl Bus {
             Duration::ZERO
         };
         let within = move |index: usize| match axes.get(index) {
-            Some(axis) if self.lets_take_turns() && axis.stop().is_some_and(Stop::has_left) => {
-                self.delivered_within()
-            }
+            Some(axis) if axis.stop().is_some_and(Stop::has_left) => self.delivered_within(),
             _ => bound,
         };
         axes.times(stopping, |look| look.stop_unsent_since)

@@ -86,9 +86,10 @@ impl Bus {
             let is_barred = !may_ordinary && axis.stop().is_none();
             let want = if is_barred { axis.feeding_request(now) } else { axis.next_request(now) };
             let Some(mut want) = want else { continue };
+            // A motor that misses its stops must not keep the others from hearing anything.
             if want.priority == Priority::Stop
                 && stops == Stops::Sent
-                && self.takes_its_turn(axis)
+                && !axis.stop().is_some_and(Stop::is_urgent)
                 && !self.is_stuck()
             {
                 want.priority = Priority::Ordinary;
@@ -122,17 +123,6 @@ impl Bus {
             }
         }
         best.map(|(index, want, _)| (index, want))
-    }
-
-    /// Whether a stop that is sent again goes as everything else does.
-    fn takes_its_turn(&self, axis: &Axis) -> bool {
-        self.lets_take_turns() && !axis.stop().is_some_and(Stop::is_urgent)
-    }
-
-    /// On a line, and where so many requests may be outstanding, a motor that misses its stops must
-    /// not keep the others from hearing anything.
-    pub(super) fn lets_take_turns(&self) -> bool {
-        self.stops_wait_for_time() || self.bounds.outranking_replies > 0
     }
 
     /// Whether a stop may have to wait for a reply, and so for the time when none comes.
