@@ -35,6 +35,7 @@ mod ghosts;
 mod holding;
 mod image;
 mod impedance;
+mod late_replies;
 mod limits;
 mod log;
 mod motion;

@@ -38,10 +38,22 @@ pub(crate) struct Transaction {
 enum Stage {
     /// The port has its frame.
     WithPort,
-    /// Its frame left at `since`; its reply is due until then.
-    Awaited { since: Instant, until: Instant },
+    /// Its frame left at `since`; its reply is due until then, and until `latest` where the bus has
+    /// no room for it.
+    Awaited { since: Instant, until: Instant, latest: Instant },
+    /// Its reply is due no longer, and may still wait for the bus until then.
+    Overdue { since: Instant, until: Instant },
     /// Its window has closed. It is remembered, so that a late reply is known.
     Late { until: Instant },
+}
+
+/// How long a reply may take.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ReplyTime {
+    /// Until the motor has sent it, on a bus to itself.
+    pub motor: Duration,
+    /// How much longer where the bus carries what goes before it.
+    pub bus: Duration,
 }
 
 /// What a received frame is to the requests of an axis.
@@ -57,7 +69,29 @@ pub(crate) enum Match {
 impl Transaction {
     /// Whether its frame has left and its reply may come.
     pub fn is_awaited(&self) -> bool {
-        matches!(self.stage, Stage::Awaited { .. })
+        matches!(self.stage, Stage::Awaited { .. } | Stage::Overdue { .. })
+    }
+
+    /// Whether its reply is late and may still wait for the bus.
+    fn is_overdue(&self) -> bool {
+        matches!(self.stage, Stage::Overdue { .. })
+    }
+
+    /// Its frame has left.
+    fn has_left(&mut self, now: Instant, reply: ReplyTime) {
+        let until = now + reply.motor;
+        self.stage = Stage::Awaited { since: now, until, latest: until + reply.bus };
+    }
+
+    /// Whether time has ended it. A reply that is due no longer may have to wait for the bus.
+    fn is_over(&mut self, now: Instant) -> bool {
+        if let Stage::Awaited { since, until, latest } = self.stage
+            && until <= now
+            && until < latest
+        {
+            self.stage = Stage::Overdue { since, until: latest };
+        }
+        self.deadline().is_some_and(|until| until <= now)
     }
 
     fn is_with_port(&self) -> bool {
@@ -73,14 +107,16 @@ impl Transaction {
     pub fn deadline(&self) -> Option<Instant> {
         match self.stage {
             Stage::WithPort => None,
-            Stage::Awaited { until, .. } | Stage::Late { until } => Some(until),
+            Stage::Awaited { until, .. } | Stage::Overdue { until, .. } | Stage::Late { until } => {
+                Some(until)
+            }
         }
     }
 
     /// When its frame had left.
     pub fn transmitted_at(&self) -> Option<Instant> {
         match self.stage {
-            Stage::Awaited { since, .. } => Some(since),
+            Stage::Awaited { since, .. } | Stage::Overdue { since, .. } => Some(since),
             _ => None,
         }
     }
@@ -88,7 +124,9 @@ impl Transaction {
     /// How long its reply is waited for; no time before its frame has left.
     pub fn window(&self) -> Duration {
         match self.stage {
-            Stage::Awaited { since, until } => until.since(since),
+            Stage::Awaited { since, until, .. } | Stage::Overdue { since, until } => {
+                until.since(since)
+            }
             _ => Duration::ZERO,
         }
     }
@@ -198,6 +236,20 @@ impl Transactions {
         self.current.as_ref().is_some_and(within) || self.former.as_ref().is_some_and(within)
     }
 
+    /// Whether a reply is late and may still wait for the bus.
+    pub fn has_overdue(&self) -> bool {
+        [&self.former, &self.current].into_iter().flatten().any(Transaction::is_overdue)
+    }
+
+    /// The bus has had room for every reply: those that are late come no more.
+    pub fn miss_overdue(&mut self, now: Instant) {
+        for request in [&mut self.former, &mut self.current].into_iter().flatten() {
+            if let Stage::Overdue { until, .. } = &mut request.stage {
+                *until = now;
+            }
+        }
+    }
+
     /// A job begins: the request under way is not of it.
     pub fn job_begins(&mut self) {
         if let Some(current) = &mut self.current {
@@ -228,24 +280,24 @@ impl Transactions {
         })
     }
 
-    /// The frame in `slot` has left, and its reply may come within `window`. Returns the request
-    /// under way if it is that; one that its motor does not answer is over.
+    /// The frame in `slot` has left, and its reply may take so long. Returns the request under way
+    /// if it is that; one that its motor does not answer is over.
     pub fn transmitted(
         &mut self,
         now: Instant,
         slot: u8,
-        window: Duration,
+        reply: ReplyTime,
         config: &AxisConfig,
     ) -> Option<Transaction> {
         let owed = |command| protocol::is_answered(command, config).then_some(now);
         if let Some(former) = self.former.as_mut().filter(|former| former.waits_in(slot)) {
-            former.stage = Stage::Awaited { since: now, until: now + window };
+            former.has_left(now, reply);
             (self.owed_since, self.is_unprinted) = (owed(&former.command), false);
             return None;
         }
         let current = self.current.as_mut().filter(|current| current.waits_in(slot))?;
-        let window = protocol::slow_reply(&current.command).unwrap_or(window);
-        current.stage = Stage::Awaited { since: now, until: now + window };
+        let motor = protocol::slow_reply(&current.command).unwrap_or(reply.motor);
+        current.has_left(now, ReplyTime { motor, ..reply });
         (self.owed_since, self.is_unprinted) = (owed(&current.command), false);
         self.objections_due = 0;
         let transmitted = *current;
@@ -337,10 +389,9 @@ impl Transactions {
         stops: bool,
         config: &AxisConfig,
     ) -> Option<Transaction> {
-        let is_over = |request: &Transaction| request.deadline().is_some_and(|until| until <= now);
-        self.former.take_if(|former| is_over(former));
-        self.current.as_ref().filter(|current| is_over(current))?;
-        self.give_up(now, stops, config)
+        self.former.take_if(|former| former.is_over(now));
+        let is_over = self.current.as_mut().is_some_and(|current| current.is_over(now));
+        is_over.then(|| self.give_up(now, stops, config))?
     }
 
     /// Gives up the request under way. A late reply must find nothing identical under way: the next

@@ -54,7 +54,7 @@ wire! {
         /// Whether every node on it belongs to this gateway: `StartTogether` needs it. Stops are
         /// never broadcast.
         pub exclusive: bool,
-        /// How long a reply is awaited, µs.
+        /// How long a motor may take to answer, µs.
         pub reply_window_us: u32,
     }
 

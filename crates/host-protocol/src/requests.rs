@@ -76,7 +76,7 @@ wire! {
         /// Whether every node on it belongs to this gateway: `StartTogether` needs it. Stops are
         /// never broadcast.
         pub exclusive: bool,
-        /// How long a reply is awaited, µs, 100 to 200 000.
+        /// How long a motor may take to answer, µs, 100 to 200 000.
         pub reply_window_us: u32,
     }
 
@@ -345,7 +345,7 @@ wire! {
         pub bitrate: u32,
         /// What its motors speak.
         pub protocols: ProtocolSet,
-        /// How long a reply is awaited, µs, 100 to 200 000.
+        /// How long a motor may take to answer, µs, 100 to 200 000.
         pub reply_window_us: u32,
         /// How it takes part in what happens there.
         pub mode: BusMode,

@@ -20,6 +20,8 @@ pub(crate) enum Is {
     Overdue,
     /// Its motor owes a reply.
     Awaiting,
+    /// A reply is late and may still wait for the bus.
+    ReplyOverdue,
     /// Its motor owes a reply with the id of the next frame to it.
     OwedOurId,
     /// Its motor answers requests to others.
@@ -94,6 +96,7 @@ impl Look {
         let transactions = &axis.transactions;
         look.note(Is::Configured, true);
         look.note(Is::Awaiting, transactions.awaits_reply());
+        look.note(Is::ReplyOverdue, transactions.has_overdue());
         look.note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
         look.note(Is::Cycling, axis.is_cycling());
         look.note(Is::InPeriod, axis.has_part());

@@ -7,7 +7,7 @@ use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol::{self, Command, Exchange, Info, Outcome, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
-use crate::transaction::{Match, Transaction};
+use crate::transaction::{Match, ReplyTime, Transaction};
 use host_protocol::{CycleResult, Error, TripReason};
 use serde::{Deserialize, Serialize};
 
@@ -56,16 +56,16 @@ impl Axis {
         self.note_restart(now, exchange, &command);
     }
 
-    /// The frame in `slot` has left; its reply may come within `window`. Of a setpoint that nothing
+    /// The frame in `slot` has left; its reply may take so long. Of a setpoint that nothing
     /// else is under way beside, returns by when that is: nothing more follows.
     pub fn transmitted(
         &mut self,
         now: Instant,
         slot: u8,
-        window: Duration,
+        reply: ReplyTime,
         out: &mut Outbox<'_>,
     ) -> Option<Instant> {
-        let request = self.transactions.transmitted(now, slot, window, &self.config)?;
+        let request = self.transactions.transmitted(now, slot, reply, &self.config)?;
         self.first_stop_left(request.exchange);
         self.prolong_pause(now);
         self.note_restart(now, request.exchange, &request.command);
@@ -183,6 +183,12 @@ impl Axis {
         }
         self.expire_job(now, out);
         self.expire_stop(now, out);
+    }
+
+    /// The bus has had room for every reply: those that are late come no more.
+    pub fn miss_overdue_replies(&mut self, now: Instant, out: &mut Outbox<'_>) {
+        self.transactions.miss_overdue(now);
+        self.expire_requests(now, out);
     }
 
     fn give_up(&mut self, now: Instant, out: &mut Outbox<'_>) {

@@ -47,6 +47,9 @@ pub(super) struct Bounds {
     /// Within what time a frame that is no stop has left after it was due: behind
     /// [`REQUESTS_IN_FRONT`] of each axis.
     ordinary: Duration,
+    /// How much longer than its window a reply may take on CAN: a frame to each other motor, and the
+    /// reply to that, may go before it.
+    pub reply_waits: Duration,
     /// How long a motor waits for what it must hear, a reply of its own being lost: behind the
     /// requests of the others.
     feeding: Duration,
@@ -114,14 +117,19 @@ impl Bus {
         }
     }
 
-    /// How much longer than its window the reply to a stop may take where stops win against replies:
-    /// the stops of all other axes here, and the replies to these, may go before it.
-    pub(super) fn stops_pass_replies_for(&self, axes: &Axes) -> Duration {
-        if self.kind() == BusKind::Rs485 || self.bounds.outranking_replies > 0 {
-            return Duration::ZERO;
+    /// When the late replies count as missed before their time is over: none waits for a bus that
+    /// has carried nothing for as long as a frame.
+    pub(super) fn misses_overdue_at(&self, axes: &Axes) -> Option<Instant> {
+        let overdue = !self.which(Is::ReplyOverdue, axes).is_empty();
+        overdue.then(|| self.active_at + SOFTWARE + self.frame_time(1))
+    }
+
+    /// Gives up the late replies where none waits for the bus.
+    pub fn expire_overdue(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
+        if self.misses_overdue_at(axes).is_some_and(|at| at <= now) {
+            let overdue = self.which(Is::ReplyOverdue, axes);
+            axes.each(overdue, |axis| axis.miss_overdue_replies(now, out));
         }
-        let others = u64::from(self.here(axes).len().saturating_sub(1));
-        self.frame_time(EXCHANGE_FRAMES * others)
     }
 
     /// Works out what the axes here have the bus carry, and how long others wait for it.
@@ -145,6 +153,9 @@ impl Bus {
         }
         self.bounds = bounds;
         let count: u64 = self.here(axes).len().into();
+        if self.kind() == BusKind::Can {
+            self.bounds.reply_waits = self.frame_time(EXCHANGE_FRAMES * count.saturating_sub(1));
+        }
         self.bounds.ordinary = self.ordinary_bound(axes, REQUESTS_IN_FRONT * count);
         self.bounds.feeding = self.ordinary_bound(axes, 2 * count.saturating_sub(1));
     }

@@ -51,7 +51,9 @@ impl Bus {
     /// with the id of the next frame is due, the bus must have been quiet, and what such a reply
     /// may have met has more time.
     pub fn waits_for_quiet(&self, axes: &Axes) -> bool {
-        [Is::OwedOurId, Is::Objecting].into_iter().any(|is| !self.which(is, axes).is_empty())
+        [Is::OwedOurId, Is::Objecting, Is::ReplyOverdue]
+            .into_iter()
+            .any(|is| !self.which(is, axes).is_empty())
             || self.in_flight.iter().flatten().any(|f| f.collided_at.is_some())
     }
 

@@ -52,7 +52,11 @@ impl Bus {
             return None;
         }
         let stops = self.stops(now, axes);
+        // Where hosts ask for stops without end the replies to some would have no room.
+        let lets_overdue_pass =
+            stops != Stops::None && !self.which(Is::ReplyOverdue, axes).is_empty();
         let may_ordinary = room == Room::Left
+            && !lets_overdue_pass
             && matches!(stops, Stops::None | Stops::Sent)
             && self.may_send_ordinary(now)
             && self.may_be_answered(axes)
@@ -101,11 +105,15 @@ impl Bus {
                 continue;
             }
             let allowed = match want.priority {
-                Priority::FirstStop | Priority::FirstStopAtRest | Priority::Stop => {
+                Priority::FirstStop | Priority::FirstStopAtRest => {
                     self.may_send_stop(now, axis, &want, axes, room)
                 }
+                Priority::Stop => {
+                    !lets_overdue_pass && self.may_send_stop(now, axis, &want, axes, room)
+                }
                 Priority::StopStep if stops == Stops::Held => {
-                    self.may_be_answered(axes)
+                    !lets_overdue_pass
+                        && self.may_be_answered(axes)
                         && !self.lets_replies_pass(now, axes)
                         && self.may_send_stop(now, axis, &want, axes, room)
                 }

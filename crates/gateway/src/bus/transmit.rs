@@ -9,6 +9,7 @@ use crate::outbox::Outbox;
 use crate::port::{Outgoing, Transmit};
 use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Earliest, Instant};
+use crate::transaction::ReplyTime;
 use heapless::Vec;
 use host_protocol::{BusKind, CanId, RawFrame, TripReason};
 
@@ -86,15 +87,12 @@ impl Bus {
         if in_flight.is_first_stop {
             self.first_stops_since = now;
         }
-        let mut window = self.reply_window();
-        if in_flight.is_stop {
-            window = window + self.stops_pass_replies_for(axes);
-        }
+        let reply = ReplyTime { motor: self.reply_window(), bus: self.bounds.reply_waits };
         if self.kind() == BusKind::Rs485 {
             self.line.sent(now, self.line_times());
         }
         if let Some(from) = in_flight.axis {
-            axes.transmitted(from.into(), |axis| axis.transmitted(now, slot, window, out));
+            axes.transmitted(from.into(), |axis| axis.transmitted(now, slot, reply, out));
             axes.each(self.which(Is::Objecting, axes), |other| {
                 if other.index != from {
                     other.transactions.may_object(now);
@@ -285,6 +283,7 @@ impl Bus {
             next.consider(self.stop_is_delayed_at(axes));
             next.consider(self.stop_is_unsent_at(axes));
         }
+        next.consider(self.misses_overdue_at(axes));
         let expires = next.first();
         if stops {
             next.consider(self.first_stops_bar_until(axes));
