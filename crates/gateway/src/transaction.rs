@@ -38,22 +38,13 @@ pub(crate) struct Transaction {
 enum Stage {
     /// The port has its frame.
     WithPort,
-    /// Its frame left at `since`; its reply is due until then, and until `latest` where the bus has
-    /// no room for it.
-    Awaited { since: Instant, until: Instant, latest: Instant },
-    /// Its reply is due no longer, and may still wait for the bus until then.
-    Overdue { since: Instant, until: Instant },
+    /// Its frame left at `since`; its reply is due until then. `waits`: behind that it may still
+    /// wait for the bus.
+    Awaited { since: Instant, until: Instant, waits: bool },
+    /// Its reply is late, and may wait for the bus until that is found to have had room for it.
+    Overdue { since: Instant },
     /// Its window has closed. It is remembered, so that a late reply is known.
     Late { until: Instant },
-}
-
-/// How long a reply may take.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct ReplyTime {
-    /// Until the motor has sent it, on a bus to itself.
-    pub motor: Duration,
-    /// How much longer where the bus carries what goes before it.
-    pub bus: Duration,
 }
 
 /// What a received frame is to the requests of an axis.
@@ -72,26 +63,24 @@ impl Transaction {
         matches!(self.stage, Stage::Awaited { .. } | Stage::Overdue { .. })
     }
 
-    /// Whether its reply is late and may still wait for the bus.
-    fn is_overdue(&self) -> bool {
-        matches!(self.stage, Stage::Overdue { .. })
-    }
-
-    /// Its frame has left.
-    fn has_left(&mut self, now: Instant, reply: ReplyTime) {
-        let until = now + reply.motor;
-        self.stage = Stage::Awaited { since: now, until, latest: until + reply.bus };
-    }
-
-    /// Whether time has ended it. A reply that is due no longer may have to wait for the bus.
-    fn is_over(&mut self, now: Instant) -> bool {
-        if let Stage::Awaited { since, until, latest } = self.stage
-            && until <= now
-            && until < latest
-        {
-            self.stage = Stage::Overdue { since, until: latest };
+    /// Since when its reply is due, if that is late and may wait for the bus.
+    fn overdue_since(&self) -> Option<Instant> {
+        match self.stage {
+            Stage::Overdue { since } => Some(since),
+            _ => None,
         }
-        self.deadline().is_some_and(|until| until <= now)
+    }
+
+    /// Whether time has ended it. A reply that is late may have to wait for the bus.
+    fn is_over(&mut self, now: Instant) -> bool {
+        let is_over = self.deadline().is_some_and(|until| until <= now);
+        match self.stage {
+            Stage::Awaited { since, waits: true, .. } if is_over => {
+                self.stage = Stage::Overdue { since };
+                false
+            }
+            _ => is_over,
+        }
     }
 
     fn is_with_port(&self) -> bool {
@@ -106,17 +95,15 @@ impl Transaction {
     /// When something of it is over that time alone ends.
     pub fn deadline(&self) -> Option<Instant> {
         match self.stage {
-            Stage::WithPort => None,
-            Stage::Awaited { until, .. } | Stage::Overdue { until, .. } | Stage::Late { until } => {
-                Some(until)
-            }
+            Stage::WithPort | Stage::Overdue { .. } => None,
+            Stage::Awaited { until, .. } | Stage::Late { until } => Some(until),
         }
     }
 
     /// When its frame had left.
     pub fn transmitted_at(&self) -> Option<Instant> {
         match self.stage {
-            Stage::Awaited { since, .. } | Stage::Overdue { since, .. } => Some(since),
+            Stage::Awaited { since, .. } | Stage::Overdue { since } => Some(since),
             _ => None,
         }
     }
@@ -124,9 +111,7 @@ impl Transaction {
     /// How long its reply is waited for; no time before its frame has left.
     pub fn window(&self) -> Duration {
         match self.stage {
-            Stage::Awaited { since, until, .. } | Stage::Overdue { since, until } => {
-                until.since(since)
-            }
+            Stage::Awaited { since, until, .. } => until.since(since),
             _ => Duration::ZERO,
         }
     }
@@ -236,16 +221,19 @@ impl Transactions {
         self.current.as_ref().is_some_and(within) || self.former.as_ref().is_some_and(within)
     }
 
-    /// Whether a reply is late and may still wait for the bus.
-    pub fn has_overdue(&self) -> bool {
-        [&self.former, &self.current].into_iter().flatten().any(Transaction::is_overdue)
+    /// Since when the first reply is due that is late and may wait for the bus.
+    pub fn overdue_since(&self) -> Option<Instant> {
+        let since = |request: &Option<Transaction>| request.as_ref()?.overdue_since();
+        // It had left before the one that has taken its place.
+        since(&self.former).or_else(|| since(&self.current))
     }
 
-    /// The bus has had room for every reply: those that are late come no more.
-    pub fn miss_overdue(&mut self, now: Instant) {
+    /// The bus has had room for the late replies that are due since then or before: they come no
+    /// more.
+    pub fn miss_overdue(&mut self, now: Instant, due_since: Instant) {
         for request in [&mut self.former, &mut self.current].into_iter().flatten() {
-            if let Stage::Overdue { until, .. } = &mut request.stage {
-                *until = now;
+            if let Some(since) = request.overdue_since().filter(|since| *since <= due_since) {
+                request.stage = Stage::Awaited { since, until: now, waits: false };
             }
         }
     }
@@ -280,24 +268,26 @@ impl Transactions {
         })
     }
 
-    /// The frame in `slot` has left, and its reply may take so long. Returns the request under way
-    /// if it is that; one that its motor does not answer is over.
+    /// The frame in `slot` has left, and its reply may come within `window`; `waits`: and behind
+    /// that where the bus has no room for it. Returns the request under way if it is that; one that
+    /// its motor does not answer is over.
     pub fn transmitted(
         &mut self,
         now: Instant,
         slot: u8,
-        reply: ReplyTime,
+        window: Duration,
+        waits: bool,
         config: &AxisConfig,
     ) -> Option<Transaction> {
         let owed = |command| protocol::is_answered(command, config).then_some(now);
         if let Some(former) = self.former.as_mut().filter(|former| former.waits_in(slot)) {
-            former.has_left(now, reply);
+            former.stage = Stage::Awaited { since: now, until: now + window, waits };
             (self.owed_since, self.is_unprinted) = (owed(&former.command), false);
             return None;
         }
         let current = self.current.as_mut().filter(|current| current.waits_in(slot))?;
-        let motor = protocol::slow_reply(&current.command).unwrap_or(reply.motor);
-        current.has_left(now, ReplyTime { motor, ..reply });
+        let window = protocol::slow_reply(&current.command).unwrap_or(window);
+        current.stage = Stage::Awaited { since: now, until: now + window, waits };
         (self.owed_since, self.is_unprinted) = (owed(&current.command), false);
         self.objections_due = 0;
         let transmitted = *current;

@@ -96,7 +96,7 @@ impl Look {
         let transactions = &axis.transactions;
         look.note(Is::Configured, true);
         look.note(Is::Awaiting, transactions.awaits_reply());
-        look.note(Is::ReplyOverdue, transactions.has_overdue());
+        look.note(Is::ReplyOverdue, transactions.overdue_since().is_some());
         look.note(Is::OwedOurId, axis.reply_with_our_id_since().is_some());
         look.note(Is::Cycling, axis.is_cycling());
         look.note(Is::InPeriod, axis.has_part());

@@ -7,7 +7,7 @@ use crate::measured::Observation;
 use crate::outbox::Outbox;
 use crate::protocol::{self, Command, Exchange, Info, Outcome, Received, Sets, Unasked};
 use crate::time::{Duration, Instant};
-use crate::transaction::{Match, ReplyTime, Transaction};
+use crate::transaction::{Match, Transaction};
 use host_protocol::{CycleResult, Error, TripReason};
 use serde::{Deserialize, Serialize};
 
@@ -56,16 +56,18 @@ impl Axis {
         self.note_restart(now, exchange, &command);
     }
 
-    /// The frame in `slot` has left; its reply may take so long. Of a setpoint that nothing
-    /// else is under way beside, returns by when that is: nothing more follows.
+    /// The frame in `slot` has left; its reply may come within `window`, and where it `waits` for the
+    /// bus behind that. Of a setpoint that nothing else is under way beside, returns by when that
+    /// is: nothing more follows.
     pub fn transmitted(
         &mut self,
         now: Instant,
         slot: u8,
-        reply: ReplyTime,
+        window: Duration,
+        waits: bool,
         out: &mut Outbox<'_>,
     ) -> Option<Instant> {
-        let request = self.transactions.transmitted(now, slot, reply, &self.config)?;
+        let request = self.transactions.transmitted(now, slot, window, waits, &self.config)?;
         self.first_stop_left(request.exchange);
         self.prolong_pause(now);
         self.note_restart(now, request.exchange, &request.command);
@@ -185,9 +187,10 @@ impl Axis {
         self.expire_stop(now, out);
     }
 
-    /// The bus has had room for every reply: those that are late come no more.
-    pub fn miss_overdue_replies(&mut self, now: Instant, out: &mut Outbox<'_>) {
-        self.transactions.miss_overdue(now);
+    /// The bus has had room for the late replies that are due since then or before: they come no
+    /// more.
+    pub fn miss_overdue(&mut self, now: Instant, due_since: Instant, out: &mut Outbox<'_>) {
+        self.transactions.miss_overdue(now, due_since);
         self.expire_requests(now, out);
     }
 

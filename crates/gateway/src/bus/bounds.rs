@@ -47,9 +47,9 @@ pub(super) struct Bounds {
     /// Within what time a frame that is no stop has left after it was due: behind
     /// [`REQUESTS_IN_FRONT`] of each axis.
     ordinary: Duration,
-    /// How much longer than its window a reply may take on CAN: a frame to each other motor, and the
-    /// reply to that, may go before it.
-    pub reply_waits: Duration,
+    /// How long a reply may take on CAN: the window, and a frame to each other motor and the reply to
+    /// that may go before it.
+    longest_reply: Duration,
     /// How long a motor waits for what it must hear, a reply of its own being lost: behind the
     /// requests of the others.
     feeding: Duration,
@@ -117,19 +117,35 @@ impl Bus {
         }
     }
 
-    /// When the late replies count as missed before their time is over: none waits for a bus that
-    /// has carried nothing for as long as a frame.
+    /// When the first late reply counts as missed: none waits for a bus that has carried nothing for
+    /// as long as a frame, or has had the time for all that goes before it.
+    #[inline(never)]
     pub(super) fn misses_overdue_at(&self, axes: &Axes) -> Option<Instant> {
-        let overdue = !self.which(Is::ReplyOverdue, axes).is_empty();
-        overdue.then(|| self.active_at + SOFTWARE + self.frame_time(1))
+        let overdue = axes.of(self.which(Is::ReplyOverdue, axes));
+        let since = overdue.filter_map(|axis| axis.transactions.overdue_since()).min()?;
+        Some(self.is_quiet_at().min(since + self.bounds.longest_reply))
     }
 
-    /// Gives up the late replies where none waits for the bus.
+    /// Whether a late reply here may wait for the bus.
+    pub(super) fn has_overdue(&self, axes: &Axes) -> bool {
+        !self.which(Is::ReplyOverdue, axes).is_empty()
+    }
+
+    fn is_quiet_at(&self) -> Instant {
+        self.active_at + SOFTWARE + self.frame_time(1)
+    }
+
+    /// Gives up the late replies that do not wait for the bus.
+    #[inline(never)]
     pub fn expire_overdue(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
-        if self.misses_overdue_at(axes).is_some_and(|at| at <= now) {
-            let overdue = self.which(Is::ReplyOverdue, axes);
-            axes.each(overdue, |axis| axis.miss_overdue_replies(now, out));
+        if self.misses_overdue_at(axes).is_none_or(|at| at > now) {
+            return;
         }
+        let is_quiet = self.is_quiet_at() <= now;
+        let due_since = if is_quiet { now } else { now - self.bounds.longest_reply };
+        axes.each(self.which(Is::ReplyOverdue, axes), |axis| {
+            axis.miss_overdue(now, due_since, out);
+        });
     }
 
     /// Works out what the axes here have the bus carry, and how long others wait for it.
@@ -153,9 +169,8 @@ impl Bus {
         }
         self.bounds = bounds;
         let count: u64 = self.here(axes).len().into();
-        if self.kind() == BusKind::Can {
-            self.bounds.reply_waits = self.frame_time(EXCHANGE_FRAMES * count.saturating_sub(1));
-        }
+        self.bounds.longest_reply =
+            self.reply_window() + self.frame_time(EXCHANGE_FRAMES * count.saturating_sub(1));
         self.bounds.ordinary = self.ordinary_bound(axes, REQUESTS_IN_FRONT * count);
         self.bounds.feeding = self.ordinary_bound(axes, 2 * count.saturating_sub(1));
     }

@@ -210,7 +210,9 @@ impl Bus {
         }
         let is_overdue = self.expire_in_flight(now, axes, out);
         self.expire_deliveries(now, axes, out);
-        self.expire_overdue(now, axes, out);
+        if self.has_overdue(axes) {
+            self.expire_overdue(now, axes, out);
+        }
         if stops {
             self.report_delayed_stops(now, axes, out);
         }

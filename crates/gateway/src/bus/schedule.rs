@@ -53,8 +53,7 @@ impl Bus {
         }
         let stops = self.stops(now, axes);
         // Where hosts ask for stops without end the replies to some would have no room.
-        let lets_overdue_pass =
-            stops != Stops::None && !self.which(Is::ReplyOverdue, axes).is_empty();
+        let lets_overdue_pass = stops != Stops::None && self.has_overdue(axes);
         let may_ordinary = room == Room::Left
             && !lets_overdue_pass
             && matches!(stops, Stops::None | Stops::Sent)

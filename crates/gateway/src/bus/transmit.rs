@@ -9,7 +9,6 @@ use crate::outbox::Outbox;
 use crate::port::{Outgoing, Transmit};
 use crate::protocol::{self, Exchange};
 use crate::time::{Duration, Earliest, Instant};
-use crate::transaction::ReplyTime;
 use heapless::Vec;
 use host_protocol::{BusKind, CanId, RawFrame, TripReason};
 
@@ -87,12 +86,12 @@ impl Bus {
         if in_flight.is_first_stop {
             self.first_stops_since = now;
         }
-        let reply = ReplyTime { motor: self.reply_window(), bus: self.bounds.reply_waits };
+        let (window, waits) = (self.reply_window(), self.kind() == BusKind::Can);
         if self.kind() == BusKind::Rs485 {
             self.line.sent(now, self.line_times());
         }
         if let Some(from) = in_flight.axis {
-            axes.transmitted(from.into(), |axis| axis.transmitted(now, slot, reply, out));
+            axes.transmitted(from.into(), |axis| axis.transmitted(now, slot, window, waits, out));
             axes.each(self.which(Is::Objecting, axes), |other| {
                 if other.index != from {
                     other.transactions.may_object(now);
@@ -283,7 +282,9 @@ impl Bus {
             next.consider(self.stop_is_delayed_at(axes));
             next.consider(self.stop_is_unsent_at(axes));
         }
-        next.consider(self.misses_overdue_at(axes));
+        if self.has_overdue(axes) {
+            next.consider(self.misses_overdue_at(axes));
+        }
         let expires = next.first();
         if stops {
             next.consider(self.first_stops_bar_until(axes));
