@@ -5,6 +5,7 @@ use crate::bench::{
     self, D5_VELOCITY, arm_axis, configure_axis, keep_moving, listed, run_with_host,
 };
 use crate::rig::{Instead, Rig};
+use gateway::{Event, Set};
 use host_protocol::requests::{Member, StartTogether};
 use host_protocol::{
     AxisParameter, AxisState, Error, Protocol, ProtocolSet, Quantity, Reply, Request, Setpoint,
@@ -233,6 +234,30 @@ fn a_motor_that_does_not_answer_writes_takes_no_part() {
     let members = two_armed(&mut rig);
     let request = together(&rig, &members);
     assert_eq!(rig.ask(request), Err(Error::CannotConfirm { axis: 1 }));
+}
+
+/// Both expire in one event, which reaches one axis; what the other is about to be told is asked
+/// back all the same.
+#[test]
+fn no_speed_is_prepared_for_a_motor_whose_setpoint_has_expired() {
+    let mut rig = three();
+    let mut members = two_armed(&mut rig);
+    let request = together(&rig, &members);
+    let expires_at = rig.now_us + 90_000;
+    rig.ask(request).unwrap();
+    run_with_host(&mut rig, 50_000);
+    members.iter_mut().for_each(|(.., speed)| *speed /= 2.0);
+    rig.run(expires_at - 5_000 - rig.now_us);
+    rig.cut();
+    let request = together(&rig, &members);
+    rig.send(&request);
+    rig.run(expires_at - 1 - rig.now_us);
+    // −300 °/s of the second, to wait.
+    assert_eq!(rig.held_on(1), ["00C#D50C0504202C81E2"]);
+    rig.now_us += 1;
+    rig.handle(Event::Tick);
+    assert_eq!(rig.gateway.tripped(), Set::of(0u8));
+    assert_eq!(rig.held_on(1), [STOPS[0]]);
 }
 
 /// A setpoint would be overtaken by the speed that waits.

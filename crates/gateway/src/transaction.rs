@@ -313,11 +313,9 @@ impl Transactions {
     }
 
     /// Whether the frame in `slot` has not left and should not any more: a stop has preempted it,
-    /// or it is a motion that is not the `wanted` one.
-    pub fn is_replaced(&self, slot: u8, wanted: impl Fn(&Transaction) -> bool) -> bool {
-        let is_old = |current: &Transaction| {
-            current.waits_in(slot) && current.exchange == Exchange::Motion && !wanted(current)
-        };
+    /// or it is `unwanted`.
+    pub fn is_replaced(&self, slot: u8, unwanted: impl Fn(&Transaction) -> bool) -> bool {
+        let is_old = |current: &Transaction| current.waits_in(slot) && unwanted(current);
         self.former.as_ref().is_some_and(|former| former.waits_in(slot))
             || self.current.as_ref().is_some_and(is_old)
     }

@@ -92,13 +92,13 @@ impl Axis {
     /// a newer setpoint has taken its place, or its time is over while the axis has still to be
     /// reached. The same setpoint again is the same frame; the same distance again is another move.
     pub fn has_replaced(&self, now: Instant, slot: u8) -> bool {
-        let is_permitted = || self.motion().is_some_and(|motion| motion.is_permitted(now));
+        let has_expired = self.has_expired(now);
         self.transactions.is_replaced(slot, |request| {
-            let is_same = || {
+            let is_in_force = || {
                 self.is_latest(request.motion)
                     || !request.once && self.is_in_force(&request.command)
             };
-            is_permitted() && is_same()
+            has_expired || request.exchange == Exchange::Motion && !is_in_force()
         })
     }
 
