@@ -144,7 +144,8 @@ impl Oracle {
                 {
                     axis.clearing = axis.clearing.saturating_sub(1);
                 }
-                if let Request::Provision { axis, timeout_ms } = request
+                if !refused
+                    && let Request::Provision { axis, timeout_ms } = request
                     && let Some(axis) = self.axes.get_mut(usize::from(axis))
                 {
                     axis.is_not_provisioned(timeout_ms);
