@@ -177,14 +177,14 @@ fn a_native_restart_leaves_the_timeout_known() {
 /// RMD V3.6 §2.30, §2.31, §7.3, and the D5 manual, common rows 1 and 7.
 #[test]
 fn what_may_have_changed_the_motor_makes_it_unknown() {
-    for data in ["B300000000000000", "B3000000D0070000", "B400000000000001"] {
+    for data in ["B3000000D0070000", "B400000000000001"] {
         let (mut rig, _) = bench::rmd_with_timeout(400);
         assert_eq!(state(&mut rig).motor_timeout, KNOWN);
         let request = native(&rig, 0, data);
         rig.ask(request).unwrap();
         assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown, "{data}");
     }
-    for data in ["5354000000000000", "434900000000000C", "43420000000001F4", "5350000000000001"] {
+    for data in ["53540000000003E8", "434900000000000C", "43420000000001F4", "5350000000000001"] {
         let (mut rig, _) = bench::thruster();
         provision(&mut rig, 400).unwrap();
         let request = native(&rig, 0, data);
@@ -204,6 +204,39 @@ fn what_may_have_changed_the_motor_makes_it_unknown() {
         let _ = rig.ask(request);
         assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown, "{data}");
     }
+}
+
+/// Whoever allows an unknown one does not allow none (GUARANTEES G1).
+#[test]
+fn a_timeout_that_a_native_command_switches_off_is_known_to_be_off() {
+    // 0 ms, 60 001 ms.
+    for data in ["B300000000000000", "B300000061EA0000"] {
+        let (mut rig, _) = bench::rmd_with_timeout(400);
+        let request = native(&rig, 0, data);
+        rig.ask(request).unwrap();
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off, "{data}");
+        let off = Err(Error::MotorTimeoutOff { axis: 0 });
+        assert_eq!(arm_allowing(&mut rig, true, false), off);
+        // What switches it on again is not measured by anybody.
+        let request = native(&rig, 0, "B3000000D0070000");
+        rig.ask(request).unwrap();
+        assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Unknown);
+    }
+    let (mut rig, _) = bench::thruster();
+    provision(&mut rig, 400).unwrap();
+    let request = native(&rig, 0, "5354000000000000");
+    rig.ask(request).unwrap();
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
+}
+
+/// A command that is not answered may have been heard.
+#[test]
+fn a_timeout_that_may_have_been_switched_off_counts_as_off() {
+    let (mut rig, _) = bench::rmd_with_timeout(400);
+    rig.instead(|text| if text.contains("#B3") { Instead::Nothing } else { Instead::AsUsual });
+    let request = native(&rig, 0, "B300000000000000");
+    rig.ask(request).unwrap_err();
+    assert_eq!(state(&mut rig).motor_timeout, MotorTimeout::Off);
 }
 
 #[test]

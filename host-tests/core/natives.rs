@@ -111,8 +111,8 @@ fn a_change_takes_away_what_was_known_of_the_motor_s_own_timeout() {
     let (mut rig, _) = bench::rmd(StopAction::Hold);
     bench::provision(&mut rig, 200).unwrap();
     assert_eq!(bench::state(&mut rig).motor_timeout, MotorTimeout::Written { timeout_ms: 200 });
-    let request = native(&rig, 0, "B300000000000000");
-    assert_eq!(answered(rig.ask(request)), "B300000000000000");
+    let request = native(&rig, 0, "B3000000D0070000");
+    assert_eq!(answered(rig.ask(request)), "B3000000D0070000");
     assert_eq!(bench::state(&mut rig).motor_timeout, MotorTimeout::Unknown);
 }
 

@@ -4,7 +4,7 @@
 use super::identity::Identity;
 use super::restart::CLOCK_PART;
 use super::{Axis, JobKind};
-use crate::protocol::{self, Exchange, Info};
+use crate::protocol::{self, Exchange, Info, Sets};
 use crate::rules;
 use crate::time::{Duration, Instant};
 use host_protocol::{AxisParameter, Error, MotorTimeout};
@@ -124,6 +124,14 @@ impl Axis {
         self.timeout_is(MotorTimeout::Unknown);
         self.is_unsaved |= core::mem::take(&mut self.written_timeout_ms) != 0;
         self.told_motor = Identity::UNKNOWN;
+    }
+
+    /// A native command may change it: what that may switch off counts as off.
+    pub fn may_change_timeout(&mut self, sets: Sets) {
+        self.forget_motor_timeout();
+        if matches!(sets, Sets::Timeout(timeout_ms) if is_as_good_as_none(timeout_ms)) {
+            self.timeout_is(MotorTimeout::Off);
+        }
     }
 
     /// Nobody knows what has become of the motor. What was provisioned stays where arming writes it

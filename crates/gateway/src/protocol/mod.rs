@@ -102,6 +102,8 @@ pub(crate) enum Sets {
     Row(AxisParameter, u32),
     /// Which commands it answers, so that the reply to this one may stay away.
     AckLevel(u8),
+    /// Its own timeout, ms; 0 switches it off.
+    Timeout(u32),
     /// Something that acts after it has restarted.
     AfterRestart,
 }

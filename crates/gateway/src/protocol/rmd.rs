@@ -508,6 +508,7 @@ pub(super) fn sets(request: &Request) -> Sets {
     match request {
         Request::Stop => Sets::Output(true),
         Request::Shutdown => Sets::Output(false),
+        Request::SetCommunicationTimeout { timeout } => Sets::Timeout(timeout.0),
         request if request.acts_after_restart() => Sets::AfterRestart,
         _ => Sets::Nothing,
     }

@@ -230,6 +230,7 @@ fn effect(request: Request, sign: f32) -> Option<Effect> {
 /// What the device keeps of a request. A new id or bitrate acts when it is switched on again (T23).
 pub(super) fn sets(request: &Request) -> Sets {
     match request {
+        Request::SetTimeout { timeout } => Sets::Timeout(timeout.0.into()),
         Request::SetId { id } => u8::try_from(*id).map_or(Sets::Nothing, Sets::NextNode),
         Request::SetBitrate { bitrate } => {
             bitrate.info().map_or(Sets::Nothing, |info| Sets::Bitrate(info.bits_per_second))

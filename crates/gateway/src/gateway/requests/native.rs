@@ -141,7 +141,7 @@ impl Gateway {
         self.check_bitrate_after(index, &native)?;
         self.admit_frames_after(index, &native)?;
         if native.effect == (Effect::Changes { timeout: true }) {
-            self.axis_mut(index)?.forget_motor_timeout();
+            self.axis_mut(index)?.may_change_timeout(native.command.sets());
         }
         self.start(now, index, JobKind::Native { command: native.command, asks: false }, ticket)
     }
