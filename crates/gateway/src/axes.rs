@@ -174,14 +174,16 @@ impl Axes {
     }
 
     /// Has a frame of an axis handed over. What that alone changes of what is kept needs no look at
-    /// the axis: until the frame has left it wants nothing, and it is due no earlier.
+    /// the axis: until the frame has left it wants nothing, and it is due no earlier. Where a time
+    /// of it has passed, the frame may be what it had waited for.
     pub fn hand_over<T>(
         &mut self,
         index: usize,
         act: impl FnOnce(&mut Axis) -> Option<T>,
     ) -> Option<T> {
         let given = act(self.axes.get_mut(index)?);
-        if self.spares_look(index, given.is_some())
+        let is_overdue = self.which(Is::Overdue).has(index);
+        if self.spares_look(index, given.is_some() && !is_overdue)
             && let Some(look) = self.kept.note(index, Is::Ready, false)
         {
             look.stop_due = Instant::NEVER;

@@ -365,6 +365,9 @@ impl Gateway {
         let bus = Set::of(bus);
         if has_changed {
             self.touch_buses(bus);
+            if !self.axes.is_settled() {
+                self.settle_axes(now);
+            }
             self.check_kept(now);
         }
         self.changed_buses.put(bus, false);
