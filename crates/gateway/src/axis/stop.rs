@@ -106,6 +106,8 @@ pub(crate) struct Stop {
     unconfirmed: u8,
     /// The motor has answered something since the first of these: it hears us.
     pub hears: bool,
+    /// It has refused the last one that it has answered.
+    pub refuses: bool,
     /// So many stops came to nothing, or the motor did not come to rest, and no stop has been
     /// confirmed since.
     pub unreachable: bool,
@@ -159,6 +161,7 @@ impl Stop {
             standstill_readings: 0,
             unconfirmed: 0,
             hears: false,
+            refuses: false,
             unreachable: false,
             backoff: Backoff::None,
             give_up_at: now + STANDSTILL_WITHIN,

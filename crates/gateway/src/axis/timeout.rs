@@ -236,10 +236,13 @@ impl Axis {
     }
 
     /// How long an unreachable motor is sent nothing behind two stops: one that answers and turns
-    /// on so long that its own timeout can act, which whatever we send may be feeding; one that does
-    /// not answer, as it may hear the next one, until the stop is due again (GUARANTEES G4).
+    /// on, or refuses, so long that its own timeout can act, which whatever we send may be feeding;
+    /// one that does not answer, as it may hear the next one, or that stands, until the stop is due
+    /// again (GUARANTEES G4).
     pub(super) fn unreachable_silence(&self) -> Duration {
-        if self.written_timeout_ms > 0 && self.stop().is_some_and(|stop| stop.hears) {
+        let stands = self.standstill() == Some(true);
+        let turns_on = self.stop().is_some_and(|stop| stop.hears && (stop.refuses || !stands));
+        if self.written_timeout_ms > 0 && turns_on {
             Duration::from_millis(u64::from(self.written_timeout_ms)).and_a_half()
         } else {
             self.config.stop_repeat()

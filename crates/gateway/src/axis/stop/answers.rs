@@ -37,6 +37,7 @@ impl Stop {
             && seen.commanded_zero == Some(false);
         let answered = protocol::is_answered(&request.command, config);
         self.hears |= answered;
+        self.refuses &= exchange != Exchange::Stop;
         if answered && !not_taken {
             if matches!(exchange, Exchange::Stop | Exchange::CommandedSpeed) {
                 self.unconfirmed = 0;
@@ -123,6 +124,7 @@ impl Stop {
         config: &AxisConfig,
     ) -> StopEffect {
         self.hears = true;
+        self.refuses |= exchange == Exchange::Stop;
         if self.is_confirmed() {
             // Or a host's question is refused.
             if !exchange.is_stop() {
