@@ -9,9 +9,9 @@ use host_protocol::{CycleResult, FixedU32, Reply, Request, StateFields, replies,
 const WINDOW_US: u64 = 5_000;
 /// A frame and the reply to it, to each of the two other motors, each of 135 bits at 1 Mbit/s.
 const BUS_US: u64 = 2 * 2 * 135;
-/// What nobody here understands, with the highest id: no reply loses to it, and the gateway does
-/// not ask.
-const FOREIGN: &str = "7FF#0000";
+/// What nobody here understands, with ids before all replies, and behind them.
+const BEFORE: &str = "200#0000";
+const BEHIND: &str = "7FF#0000";
 
 /// Three motors, the second of which lets its replies to setpoints wait for whoever gives them.
 fn rig() -> (Rig, u32) {
@@ -27,9 +27,9 @@ fn rig() -> (Rig, u32) {
 }
 
 /// What becomes of the second motor's part in a cycle, and how long after its request had left that
-/// is told, to 10 µs. `busy`: frames of others follow each other there. `answers`: it does, so long
+/// is told, to 10 µs. `others`: this frame comes from them again and again. `answers`: it does, so long
 /// after.
-fn part(busy: bool, answers: Option<u64>) -> (CycleResult, u64) {
+fn part(others: Option<&str>, answers: Option<u64>) -> (CycleResult, u64) {
     let (mut rig, epoch) = rig();
     let since = rig.now_us;
     let cycle = rig.send(&Request::Cycle(requests::Cycle {
@@ -48,9 +48,9 @@ fn part(busy: bool, answers: Option<u64>) -> (CycleResult, u64) {
             let Ok(Reply::Cycle(report)) = told else { panic!("{told:?}") };
             return (report.states().nth(1).unwrap().result, rig.now_us - left.unwrap());
         }
-        if busy && heard_at + 200 <= rig.now_us {
+        if let Some(frame) = others.filter(|_| heard_at + 200 <= rig.now_us) {
             heard_at = rig.now_us;
-            rig.receive(0, FOREIGN);
+            rig.receive(0, frame);
         }
         if answer.take_if(|after| left.is_some_and(|left| left + *after <= rig.now_us)).is_some() {
             rig.receive(0, "242#A232000000000000");
@@ -60,22 +60,30 @@ fn part(busy: bool, answers: Option<u64>) -> (CycleResult, u64) {
 
 #[test]
 fn a_reply_is_missed_behind_its_window_where_the_bus_is_quiet() {
-    let (result, after) = part(false, None);
+    let (result, after) = part(None, None);
     assert_eq!(result, CycleResult::NoReply);
     assert!((WINDOW_US..WINDOW_US + 20).contains(&after), "{after} µs");
 }
 
 #[test]
 fn a_reply_has_longer_where_the_bus_is_busy_and_not_for_ever() {
-    let (result, after) = part(true, None);
+    let (result, after) = part(Some(BEFORE), None);
     assert_eq!(result, CycleResult::NoReply);
     let latest = WINDOW_US + BUS_US;
     assert!((latest..latest + 20).contains(&after), "{after} µs");
 }
 
+/// It would have gone before them.
+#[test]
+fn a_reply_is_missed_behind_its_window_where_the_bus_carries_what_it_goes_before() {
+    let (result, after) = part(Some(BEHIND), None);
+    assert_eq!(result, CycleResult::NoReply);
+    assert!((WINDOW_US..WINDOW_US + 220).contains(&after), "{after} µs");
+}
+
 #[test]
 fn a_reply_that_had_to_wait_for_the_bus_counts() {
-    let (result, after) = part(true, Some(WINDOW_US + BUS_US - 20));
+    let (result, after) = part(Some(BEFORE), Some(WINDOW_US + BUS_US - 20));
     assert_eq!(result, CycleResult::Answered);
     assert!(after > WINDOW_US, "{after} µs");
 }
@@ -104,7 +112,7 @@ fn what_stops_again_waits_for_a_late_reply_and_no_longer_than_the_bus_is_busy() 
         rig.run(10);
         if heard_at + 200 <= rig.now_us && rig.now_us > late_at - 300 {
             heard_at = rig.now_us;
-            rig.receive(0, FOREIGN);
+            rig.receive(0, BEFORE);
         }
     }
     let begins = |from: u64, to: u64| {

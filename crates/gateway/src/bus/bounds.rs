@@ -11,7 +11,7 @@ use crate::outbox::Outbox;
 use crate::protocol::{self, Info};
 use crate::time::{Duration, Instant};
 use core::num::NonZeroU64;
-use host_protocol::{BusKind, Event, TripReason};
+use host_protocol::{BusKind, CanId, Event, TripReason};
 use serde::{Deserialize, Serialize};
 
 /// [`MAX_OUTSTANDING`] as a divisor.
@@ -146,6 +146,22 @@ impl Bus {
         axes.each(self.which(Is::ReplyOverdue, axes), |axis| {
             axis.miss_overdue(now, due_since, out);
         });
+    }
+
+    /// A frame with this id has come: late replies that would have gone before it do not wait for
+    /// the bus.
+    #[inline(never)]
+    pub(super) fn miss_replies_before(
+        &mut self,
+        now: Instant,
+        id: CanId,
+        axes: &mut Axes,
+        out: &mut Outbox<'_>,
+    ) {
+        let goes_before =
+            |axis: &Axis| protocol::reply_id(&axis.config).is_some_and(|reply| CanId(reply) < id);
+        let missed = axes.those(self.which(Is::ReplyOverdue, axes), goes_before);
+        axes.each(missed, |axis| axis.miss_overdue(now, now, out));
     }
 
     /// Works out what the axes here have the bus carry, and how long others wait for it.

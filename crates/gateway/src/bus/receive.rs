@@ -9,7 +9,7 @@ use crate::outbox::Outbox;
 use crate::port::Then;
 use crate::protocol::{self, Received, Unasked};
 use crate::time::Instant;
-use host_protocol::{BusKind, CanFrame, Event, MAX_CAN_DATA, RawFrame, ReceivedFrame};
+use host_protocol::{BusKind, CanFrame, CanId, Event, MAX_CAN_DATA, RawFrame, ReceivedFrame};
 
 /// Bits of silence between bytes that belong to different raw frames: two bytes' time.
 const RAW_IDLE_BITS: u64 = 20;
@@ -25,6 +25,9 @@ impl Bus {
     ) {
         self.counters.received = self.counters.received.saturating_add(1);
         self.carried(now);
+        if self.has_overdue(axes) {
+            self.miss_replies_before(now, CanId(frame.id()), axes, out);
+        }
         if let Some(raw) = &mut self.raw {
             raw.keep(ReceivedFrame { time_us: now.as_micros(), frame: RawFrame::Can(frame) });
         }

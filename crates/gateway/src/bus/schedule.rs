@@ -52,8 +52,8 @@ impl Bus {
             return None;
         }
         let stops = self.stops(now, axes);
-        // Where hosts ask for stops without end the replies to some would have no room.
-        let lets_overdue_pass = stops != Stops::None && self.has_overdue(axes);
+        // Where hosts ask without end the replies to some would have no room.
+        let lets_overdue_pass = self.has_overdue(axes);
         let may_ordinary = room == Room::Left
             && !lets_overdue_pass
             && matches!(stops, Stops::None | Stops::Sent)
