@@ -112,7 +112,9 @@ impl Oracle {
         let is_d5 = axis.protocol() == Some(Protocol::D5);
         let sets_speed =
             is_d5 && matches!(Protocol::D5.purpose(data), Purpose::Motion { .. } | Purpose::Rest);
-        let native = axis.permits.iter().any(|permit| permit.native.is_some() && !permit.sent);
+        let is_it = |native: &Vec<u8>| Protocol::D5.same_command(native, data);
+        let unsent = axis.permits.iter().filter(|permit| !permit.sent);
+        let native = unsent.filter_map(|permit| permit.native.as_ref()).any(is_it);
         sets_speed
             && data.get(3) == Some(&WAITS)
             && !native
