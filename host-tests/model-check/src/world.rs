@@ -52,6 +52,10 @@ pub struct World {
     life: Life,
     /// Buses that the core has named and that have not been polled since.
     named: Set,
+    /// When the core wants the next tick, as it said last.
+    tick_due_us: u64,
+    /// That tick was due when the latest event came, which is none: it names what time has brought.
+    tick_is_late: bool,
     /// What was on the wires, if it is kept.
     trace: Option<Vec<String>>,
     /// The core has panicked: nothing follows any more.
@@ -84,6 +88,8 @@ impl World {
             counts: Counts::default(),
             life: Life::new(),
             named: Set::ALL,
+            tick_due_us: u64::MAX,
+            tick_is_late: false,
             trace: None,
             has_panicked: false,
             #[cfg(test)]
@@ -205,7 +211,8 @@ impl World {
 
     /// When the firmware looks at the next deadline.
     fn tick_us(&mut self) -> Option<u64> {
-        let at = self.gateway.next_deadline()?.as_micros();
+        self.tick_due_us = self.gateway.next_deadline().map_or(u64::MAX, Instant::as_micros);
+        let at = Some(self.tick_due_us).filter(|at| *at < u64::MAX)?;
         Some(at + at.wrapping_mul(0x9E37_79B9_7F4A_7C15) % LATE_US)
     }
 

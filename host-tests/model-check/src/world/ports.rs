@@ -148,6 +148,7 @@ impl World {
             }
             Input::Tick => Event::Tick,
         };
+        self.tick_is_late = !matches!(input, Input::Tick) && self.tick_due_us <= now;
         self.counts.events += 1;
         self.counts.busy += u64::from(self.oracle.is_busy());
         self.life.suspend_reset(self.oracle.is_configuring());
@@ -270,9 +271,10 @@ impl World {
         sent
     }
 
-    /// Who polls only the buses that the core names misses nothing.
+    /// Who polls only the buses that the core names misses nothing, but for what a tick that is late
+    /// will name.
     fn check_named(&mut self, bus: u8) {
-        if !self.named.has(bus) {
+        if !self.named.has(bus) && !self.tick_is_late {
             self.oracle.not_named(self.now_us, bus);
         }
     }

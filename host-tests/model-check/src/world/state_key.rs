@@ -33,6 +33,9 @@ impl World {
             life,
             trace: _,
             // That breaks a promise: nothing follows.
+            // What the next look at the deadline and the next event make anew.
+            tick_due_us: _,
+            tick_is_late: _,
             has_panicked: _,
             #[cfg(test)]
                 swallows: _,
