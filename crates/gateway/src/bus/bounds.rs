@@ -126,7 +126,8 @@ impl Bus {
         Some(self.is_quiet_at().min(since + self.bounds.longest_reply))
     }
 
-    /// Whether a late reply here may wait for the bus.
+    /// Whether a late reply here may wait for the bus: where hosts ask without end it would have no
+    /// room beside anything but first stops.
     pub(super) fn has_overdue(&self, axes: &Axes) -> bool {
         !self.which(Is::ReplyOverdue, axes).is_empty()
     }
@@ -137,10 +138,7 @@ impl Bus {
 
     /// Gives up the late replies that do not wait for the bus.
     #[inline(never)]
-    pub fn expire_overdue(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
-        if self.misses_overdue_at(axes).is_none_or(|at| at > now) {
-            return;
-        }
+    pub(super) fn expire_overdue(&mut self, now: Instant, axes: &mut Axes, out: &mut Outbox<'_>) {
         let is_quiet = self.is_quiet_at() <= now;
         let due_since = if is_quiet { now } else { now - self.bounds.longest_reply };
         axes.each(self.which(Is::ReplyOverdue, axes), |axis| {

@@ -51,8 +51,8 @@ impl Bus {
     }
 
     /// Whether a frame that is not for its axes changes what may be sent and when: where a reply
-    /// with the id of the next frame is due, the bus must have been quiet, and what such a reply
-    /// may have met has more time.
+    /// with the id of the next frame is due, the bus must have been quiet, what such a reply may
+    /// have met has more time, and a late reply may wait for the bus.
     pub fn waits_for_quiet(&self, axes: &Axes) -> bool {
         [Is::OwedOurId, Is::Objecting, Is::ReplyOverdue]
             .into_iter()

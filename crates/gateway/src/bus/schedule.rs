@@ -52,14 +52,10 @@ impl Bus {
             return None;
         }
         let stops = self.stops(now, axes);
-        // Where hosts ask without end the replies to some would have no room.
-        let lets_overdue_pass = self.has_overdue(axes);
         let may_ordinary = room == Room::Left
-            && !lets_overdue_pass
             && matches!(stops, Stops::None | Stops::Sent)
             && self.may_send_ordinary(now)
-            && self.may_be_answered(axes)
-            && !self.lets_replies_pass(now, axes)
+            && self.leaves_replies_room(now, axes)
             && self.objections_are_over_at(axes).is_none_or(|at| at <= now);
         if stops == Stops::None {
             return if may_ordinary { self.choose_ordinary(now, axes, ready) } else { None };
@@ -108,12 +104,10 @@ impl Bus {
                     self.may_send_stop(now, axis, &want, axes, room)
                 }
                 Priority::Stop => {
-                    !lets_overdue_pass && self.may_send_stop(now, axis, &want, axes, room)
+                    !self.has_overdue(axes) && self.may_send_stop(now, axis, &want, axes, room)
                 }
                 Priority::StopStep if stops == Stops::Held => {
-                    !lets_overdue_pass
-                        && self.may_be_answered(axes)
-                        && !self.lets_replies_pass(now, axes)
+                    self.leaves_replies_room(now, axes)
                         && self.may_send_stop(now, axis, &want, axes, room)
                 }
                 Priority::StopStep | Priority::Ordinary | Priority::Watch => {
@@ -382,12 +376,14 @@ impl Bus {
             && self.which(Is::Objecting, axes).is_empty()
     }
 
-    /// Whether one more request leaves stops that lose to replies their bound.
-    fn may_be_answered(&self, axes: &Axes) -> bool {
+    /// Whether what is no stop leaves the replies that are due their room, late ones and those
+    /// behind lower ids, and stops that lose to replies their bound.
+    fn leaves_replies_room(&self, now: Instant, axes: &Axes) -> bool {
+        let loses = self.kind() == BusKind::Can && self.bounds.outranking_replies > 0;
         let outstanding = self.which(Is::Awaiting, axes).len() as usize;
-        self.kind() != BusKind::Can
-            || self.bounds.outranking_replies == 0
-            || outstanding < MAX_OUTSTANDING
+        !self.has_overdue(axes)
+            && (!loses || outstanding < MAX_OUTSTANDING)
+            && !self.lets_replies_pass(now, axes)
     }
 
     /// Who watches waits: for raw access, and while an axis that may move is due within what one
