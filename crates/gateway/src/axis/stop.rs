@@ -121,6 +121,8 @@ pub(crate) struct Stop {
     /// When one is due that a host has asked for, or that was taken back: nothing but its leaving
     /// ends that.
     owed_at: Option<Instant>,
+    /// That one takes its turn.
+    takes_turn: bool,
     /// What follows the stop command has been put off for one that is owed: not again before it
     /// is over.
     put_off: bool,
@@ -168,6 +170,7 @@ impl Stop {
             next_at: now,
             repeat_at: now + UNCONFIRMED_REPEAT,
             owed_at: None,
+            takes_turn: false,
             put_off: false,
             stayed: 0,
             step_since: now,
@@ -203,10 +206,10 @@ impl Stop {
         self.step().is_none()
     }
 
-    /// The next stop command goes before all that is no stop: not where several were missed, be it
-    /// one that a host has asked for.
+    /// The next stop command goes before all that is no stop: not where several were missed, nor
+    /// where a host asks for it again and again.
     pub fn is_urgent(&self) -> bool {
-        self.unconfirmed < STOPS_AT_LEAST
+        self.unconfirmed < STOPS_AT_LEAST && !self.takes_turn
     }
 
     fn is_resting(&self) -> bool {
@@ -286,7 +289,11 @@ impl Stop {
         {
             return false;
         }
-        let just_left = self.last_left.map(|left| left + ASKED_AGAIN).filter(|at| *at > now);
+        let has_left_within = |time| self.last_left.map(|left| left + time).filter(|at| *at > now);
+        let just_left = has_left_within(ASKED_AGAIN);
+        if self.owed_at.is_none() {
+            self.takes_turn = has_left_within(UNCONFIRMED_REPEAT).is_some();
+        }
         let puts_off = self.owe(just_left.unwrap_or(now));
         puts_off && just_left.is_none()
     }
@@ -345,7 +352,7 @@ impl Stop {
     /// The bus has taken an exchange of the stop.
     pub fn handed(&mut self, now: Instant, exchange: Exchange, config: &AxisConfig) {
         if exchange == self.command() {
-            self.owed_at = None;
+            (self.owed_at, self.takes_turn) = (None, false);
         }
         let is_confirmed = self.is_confirmed();
         let repeat = if is_confirmed { config.stop_repeat() } else { UNCONFIRMED_REPEAT };
