@@ -215,12 +215,10 @@ impl<'a> Armed<'a> {
         Some(Duration::from_micros(slowest.as_micros()))
     }
 
-    /// The axes whose replies may come behind the window of their bus, as their plans say.
+    /// The axes whose replies may come when they count no longer, as their plans say.
     fn answered_late(&self) -> Set {
-        let late = self
-            .plans
-            .iter()
-            .flat_map(|plan| plan.axes.iter().filter(|axis| axis.reply_within > plan.reply_window));
+        let axes = self.plans.iter().flat_map(|plan| &plan.axes);
+        let late = axes.filter(|axis| !axis.reply_counts);
         late.fold(Set::NONE, |set, axis| set.with(Set::of(axis.axis)))
     }
 

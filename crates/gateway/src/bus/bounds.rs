@@ -47,9 +47,9 @@ pub(super) struct Bounds {
     /// Within what time a frame that is no stop has left after it was due: behind
     /// [`REQUESTS_IN_FRONT`] of each axis.
     ordinary: Duration,
-    /// How long a reply may take on CAN: the window, and a frame to each other motor and the reply to
-    /// that may go before it.
-    longest_reply: Duration,
+    /// How long a reply may take: the window, and on CAN a frame to each other motor and the reply to
+    /// that, which may go before it.
+    pub longest_reply: Duration,
     /// How long a motor waits for what it must hear, a reply of its own being lost: behind the
     /// requests of the others.
     feeding: Duration,
@@ -183,8 +183,11 @@ impl Bus {
         }
         self.bounds = bounds;
         let count: u64 = self.here(axes).len().into();
-        self.bounds.longest_reply =
-            self.reply_window() + self.frame_time(EXCHANGE_FRAMES * count.saturating_sub(1));
+        let goes_before = match self.kind() {
+            BusKind::Can => self.frame_time(EXCHANGE_FRAMES * count.saturating_sub(1)),
+            BusKind::Rs485 => Duration::ZERO,
+        };
+        self.bounds.longest_reply = self.reply_window() + goes_before;
         self.bounds.ordinary = self.ordinary_bound(axes, REQUESTS_IN_FRONT * count);
         self.bounds.feeding = self.ordinary_bound(axes, 2 * count.saturating_sub(1));
     }

@@ -102,7 +102,7 @@ pub struct BusPlan {
     pub streams_permille: u64,
     /// And what others send, permille.
     pub foreign_permille: u64,
-    /// How long a reply is awaited.
+    /// How long a motor has for its reply.
     pub reply_window: Duration,
     /// The axes that take part, in their order.
     pub axes: Vec<AxisPlan, MAX_AXES>,
@@ -133,8 +133,11 @@ pub struct AxisPlan {
     /// From the first bit of the cycle to the last bit of its reply, on a bus to itself.
     pub answered: Duration,
     /// From the last bit of a request to that of its reply, at most, while all that `steady` has
-    /// room for goes first: the reply window of the bus must be as long.
+    /// room for goes first.
     pub reply_within: Duration,
+    /// Whether it counts then: on a bus to itself it is there within the reply window. What goes
+    /// before it on CAN is waited for.
+    pub reply_counts: bool,
     /// Within what time its stop has left, after its cause, where it alone stops; `None` where
     /// others leave the bus no time for it.
     pub stop_alone: Option<Duration>,
@@ -248,6 +251,7 @@ impl Bus {
                     .then(|| axis.config.ttl()),
                 answered: Duration::ZERO,
                 reply_within: Duration::ZERO,
+                reply_counts: false,
                 stop_alone: stop(1),
                 stop_together: stop(all),
             });
@@ -293,8 +297,14 @@ impl Bus {
         };
         let all = parts.iter().map(frames).fold(at_once, |sum, frames| sum + frames);
         for (part, plan) in parts.iter().zip(&mut plans) {
-            plan.reply_within =
-                part.poll.delay + all - frames(part) + part.motion.replies.max(part.poll.replies);
+            let alone = part.poll.delay + part.motion.replies.max(part.poll.replies);
+            plan.reply_counts = alone <= self.reply_window();
+            let within = alone + all - frames(part);
+            plan.reply_within = match plan.reply_counts {
+                // When the window is over the gateway sends nothing before it.
+                true => within.min(self.bounds.longest_reply),
+                false => within,
+            };
         }
         Some(BusPlan {
             wire: parts.iter().fold(Duration::ZERO, |sum, Part { motion, .. }| {

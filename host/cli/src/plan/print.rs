@@ -48,9 +48,9 @@ pub fn plan(
         out.text(format!("never armed: {error} {}", Page::DoesNotArm))?;
     }
     for (bus, plan) in &plan.buses {
-        for axis in plan.axes.iter().filter(|axis| axis.reply_within > plan.reply_window) {
+        for axis in plan.axes.iter().filter(|axis| !axis.reply_counts) {
             out.text(format!(
-                "axis {}: a reply may come {} µs behind its request, and bus {bus} awaits it for {} µs: \
+                "axis {}: a reply may come {} µs behind its request, and bus {bus} gives it {} µs: \
                  reply_window_us",
                 axis.axis,
                 axis.reply_within.as_micros(),
@@ -185,6 +185,7 @@ pub fn to_json(plan: &Plan, premises: &Premises) -> Value {
                 "can_confirm": axis.can_confirm,
                 "reply_delay_stated": premises.stated_delays.has(axis.axis),
                 "answered_us": us(axis.answered), "reply_within_us": us(axis.reply_within),
+                "reply_counts": axis.reply_counts,
                 "stop_alone_us": axis.stop_alone.map(us),
                 "stop_together_us": axis.stop_together.map(us),
             })

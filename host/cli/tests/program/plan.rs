@@ -158,6 +158,19 @@ fn a_rate_that_no_gateway_takes_does_not_hold() {
     assert_eq!((&axis["stop_alone_us"], &axis["stop_together_us"]), (&Value::Null, &Value::Null));
 }
 
+/// Its reply of 132 bits must be there within 5 ms; on CAN what goes before it does not count.
+#[test]
+fn a_motor_that_answers_too_late_for_its_window_is_told() {
+    for (delay, late) in [("3000", 0), ("4868", 0), ("4870", 8)] {
+        let outcome = mgw(&["plan", EIGHT, "--host", "usb", "--reply-delay", delay]);
+        let told = outcome.stdout.matches("µs: reply_window_us").count();
+        assert_eq!(told, late, "{delay}: {outcome:?}");
+        let (_, planned) = plan(&[EIGHT, "--host", "usb", "--reply-delay", delay]);
+        let axis = &planned["plan"]["buses"][0]["axes"][0];
+        assert_eq!(axis["reply_counts"], late == 0, "{delay}: {axis}");
+    }
+}
+
 /// Such axes can be configured, and no gateway arms them.
 #[test]
 fn an_axis_that_is_never_armed_is_told_and_no_rate_holds_with_it() {
