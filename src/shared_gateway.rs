@@ -46,8 +46,6 @@ const FIRST_STOPS: Duration = Duration::from_millis(100);
 const FIRST_STOPS_POLL: Duration = Duration::from_millis(1);
 /// How long the host links then wait for what is stored, where a reset has left what runs.
 const LOADED: Duration = Duration::from_millis(100);
-/// Events of CAN controllers that are followed before a demand comes between.
-const CAN_EVENTS_AT_ONCE: usize = 4;
 /// How often the watchdog is fed while a start reads what is stored, before there is a task.
 const FEED: Duration = Duration::from_millis(10);
 
@@ -300,29 +298,26 @@ impl SharedGateway {
         self.hand_out(parts, now, changes);
         board::set_enable_output(parts.core.enable_output() && !self.is_bare);
         let mut lines = (FIRST_RS485..).take(RS485_BUSES);
-        task_budget::set_stops_on_lines(lines.any(|bus| parts.core.owes_first_stop(bus)));
+        task_budget::set_first_stops(
+            (0..FIRST_RS485).any(|bus| parts.core.owes_first_stop(bus)),
+            lines.any(|bus| parts.core.owes_first_stop(bus)),
+        );
         if changes.flight_read || parts.core.is_due() {
             self.flight.signal(());
         }
     }
 
-    /// Tells the core what the CAN controllers have done, a few events. Where there may be more,
-    /// who waits for events is told.
+    /// Tells the core one thing that the CAN controllers have done: a demand that comes meanwhile
+    /// goes before the next. Where there may be more, who waits for events is told.
     #[inline(never)]
     pub fn follow_can(&self) {
-        self.with(|parts, _| {
-            for followed in 0..CAN_EVENTS_AT_ONCE {
-                fdcan::may_sleep();
-                let Some(event) = &parts.next_can_event() else {
-                    if followed > 0 {
-                        self.mind_deadline(parts);
-                    }
-                    return;
-                };
+        self.with(|parts, now| {
+            fdcan::may_sleep();
+            if let Some(event) = &parts.next_can_event() {
                 fdcan::stay_awake();
-                self.follow(parts, Self::now(), event);
+                self.follow(parts, now, event);
+                self.mind_deadline(parts);
             }
-            self.mind_deadline(parts);
         });
     }
 

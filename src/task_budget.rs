@@ -33,18 +33,21 @@ pub enum Urgency {
     Deadline,
     /// RS485 buses.
     Bus,
+    /// CAN buses.
+    Can,
     /// What can demand a stop: hosts and the e-stop input.
     Demand,
-    /// CAN buses: the next stop of several waits for the report of the one before.
-    Can,
+    /// CAN buses while one has a first stop to send: the next waits for the report of the one
+    /// before.
+    FirstStops,
 }
 
 /// Rounds that an urgent task may run without having to wait before it goes behind all others.
 const BUDGET: u8 = 4;
-/// The same of the CAN buses: behind each round only what can demand a stop goes before them, and an
+/// The same of the CAN buses: only what can demand a stop goes before them, behind each round, and an
 /// RS485 bus that has a first stop to send. So the stops of an e-stop leave in time although floods
 /// leave no task anything to wait for.
-const CAN_BUDGET: u8 = 64;
+const CAN_BUDGET: u8 = 250;
 
 /// So long the urgent tasks may keep the processor to themselves: the watchdog waits for three
 /// times as much, and a loop may miss being looked at once.
@@ -55,7 +58,9 @@ const LOOKED_AT_EVERY: u32 = 16;
 static OTHERS_RAN: AtomicU32 = AtomicU32::new(0);
 /// They have not had one for too long.
 static OTHERS_STARVE: AtomicBool = AtomicBool::new(false);
-/// An RS485 bus has a first stop to send.
+/// A CAN bus has a first stop to send.
+static STOPS_ON_CAN: AtomicBool = AtomicBool::new(false);
+/// An RS485 bus has.
 static STOPS_ON_LINES: AtomicBool = AtomicBool::new(false);
 /// Rounds of urgent tasks.
 static ROUNDS: AtomicU32 = AtomicU32::new(0);
@@ -64,6 +69,16 @@ const URGENT_TASKS: usize = RS485_BUSES + MAX_LINKS + 3;
 /// The urgent tasks.
 static URGENT: Mutex<ThreadModeRawMutex, [Cell<Option<Urgent>>; URGENT_TASKS]> =
     Mutex::new([const { Cell::new(None) }; URGENT_TASKS]);
+
+impl Urgency {
+    /// That of a task with this one, as things are.
+    fn now(self) -> Self {
+        match self {
+            Self::Can if STOPS_ON_CAN.load(Ordering::Relaxed) => Self::FirstStops,
+            urgency => urgency,
+        }
+    }
+}
 
 type Urgent = (&'static Metadata, Urgency);
 
@@ -77,24 +92,37 @@ pub fn others_starve() -> bool {
     OTHERS_STARVE.load(Ordering::Relaxed)
 }
 
-/// Whether an RS485 bus has still to send the first stop of an axis: then it takes turns with the CAN
-/// buses.
-pub fn set_stops_on_lines(stops: bool) {
-    STOPS_ON_LINES.store(stops, Ordering::Relaxed);
+/// Whether CAN buses and RS485 buses have still to send the first stop of an axis: CAN buses then go
+/// before all others, and take turns with RS485 buses that have too.
+pub fn set_first_stops(on_can: bool, on_lines: bool) {
+    STOPS_ON_LINES.store(on_lines, Ordering::Relaxed);
+    if on_can != STOPS_ON_CAN.load(Ordering::Relaxed) {
+        STOPS_ON_CAN.store(on_can, Ordering::Relaxed);
+        if !others_starve() {
+            put_first(|urgency| urgency == Urgency::Can);
+        }
+    }
 }
 
-/// The others have had a turn: one of them says so. Each urgent task goes before them again, one
-/// that has been woken already when it is woken the next time.
+/// The others have had a turn: one of them says so. Each urgent task goes before them again.
 pub fn others_have_run() {
     OTHERS_RAN.store(low_bits(Instant::now().as_micros()), Ordering::Relaxed);
     if others_starve() {
         OTHERS_STARVE.store(false, Ordering::Relaxed);
-        URGENT.lock(|urgent| {
-            for (task, urgency) in urgent.iter().map_while(Cell::get) {
-                task.set_priority(urgency as u8);
-            }
-        });
+        put_first(|_| true);
     }
+}
+
+/// Gives these urgent tasks their place in the order, one that has been woken already when it is
+/// woken the next time.
+fn put_first(these: impl Fn(Urgency) -> bool) {
+    URGENT.lock(|urgent| {
+        for (task, urgency) in urgent.iter().map_while(Cell::get) {
+            if these(urgency) {
+                task.set_priority(urgency.now() as u8);
+            }
+        }
+    });
 }
 
 /// Counts a round of an urgent task, and looks now and then whether the others starve. Tasks alone
@@ -128,7 +156,7 @@ impl TaskBudget {
                 place.set(Some((task, urgency)));
             }
         });
-        task.set_priority(urgency as u8);
+        task.set_priority(urgency.now() as u8);
         Self { task, urgency, spent: Cell::new(0) }
     }
 
@@ -137,11 +165,11 @@ impl TaskBudget {
     pub fn wait<F: Future + Unpin>(&self, mut event: F) -> impl Future<Output = F::Output> {
         count_round();
         // What was dropped before its end leaves another urgency.
-        self.set_urgency(self.urgency);
+        self.set_urgency(self.urgency.now());
         let (mut is_first, mut held) = (true, None);
         poll_fn(move |context| {
             if let Some(result) = held.take() {
-                self.task.set_priority(self.urgency as u8);
+                self.task.set_priority(self.urgency.now() as u8);
                 return Poll::Ready(result);
             }
             let is_first = mem::take(&mut is_first);
@@ -167,7 +195,7 @@ impl TaskBudget {
         self.set_urgency(Urgency::Deadline);
         self.spend();
         yield_now().await;
-        self.task.set_priority(self.urgency as u8);
+        self.task.set_priority(self.urgency.now() as u8);
     }
 
     fn spend(&self) {
@@ -180,7 +208,7 @@ impl TaskBudget {
             Urgency::Bus if stops_on_lines => Urgency::Bus,
             _ if is_last => Urgency::None,
             Urgency::Can if stops_on_lines => Urgency::Bus,
-            Urgency::Can => Urgency::Demand,
+            Urgency::Can if self.urgency.now() == Urgency::FirstStops => Urgency::Demand,
             _ => return,
         };
         self.set_urgency(urgency);

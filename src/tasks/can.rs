@@ -5,7 +5,7 @@ use crate::shared_gateway::SharedGateway;
 use crate::task_budget::{TaskBudget, Urgency};
 use crate::watchdog::{TaskId, Watch};
 
-/// For ever: some events at a time. A full queue must not keep the other tasks waiting.
+/// For ever: one event at a time. A full queue must not keep the other tasks waiting.
 #[embassy_executor::task]
 pub async fn can(gateway: &'static SharedGateway) -> ! {
     let watch = Watch::new(TaskId::CAN);
