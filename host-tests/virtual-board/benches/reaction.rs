@@ -4,7 +4,7 @@
 //! `.ci/virtual-board reaction [--board BOARD] [--phases N] [--only LINE] [--trace | --turns |
 //! --turns-behind | --renew]` builds the image and runs it, in virtual time. `--trace` prints instead
 //! what the bus carried about the slowest stop of each line, `--turns` the longest turns of the
-//! tasks, `--turns-behind` every turn of them behind an e-stop.
+//! tasks, `--turns-behind` every turn of them behind the cause of the latest stop.
 
 use std::error::Error;
 use std::process::ExitCode;

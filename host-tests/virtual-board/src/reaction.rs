@@ -129,7 +129,7 @@ pub enum Look {
     Trace,
     /// The longest turns of the tasks before that, in each situation.
     Turns,
-    /// Every turn of them behind an e-stop, in each situation.
+    /// Every turn of them behind the cause of the latest stop, of the first line of each situation.
     TurnsBehind,
 }
 
@@ -160,7 +160,11 @@ pub fn look(
                     continue;
                 }
                 Look::Turns => rig.turns(&functions),
-                Look::TurnsBehind => rig.turns_behind(&Cause::command(&EStop {}), &functions),
+                Look::TurnsBehind => {
+                    let line = *lines.first().expect("a situation with none is not wanted");
+                    let (phase, after) = worst(&rig, situation, line, phases);
+                    rig.turns_behind(after, &line.cause(&rig, situation, phase, after), &functions)
+                }
             };
             text += &format!("{situation}, at {speed} a second\n{turns}");
         }
@@ -169,15 +173,22 @@ pub fn look(
 }
 
 fn trace(rig: &Rig, situation: Situation, line: Line, speed: u64, phases: u32) -> String {
+    let (phase, after) = worst(rig, situation, line, phases);
+    let cause = line.cause(rig, situation, phase, after);
+    let trace = rig.trace(after, &cause, line.bound(situation));
+    let phases = situation.phases(phases);
+    format!("{}, at {speed} a second, phase {phase} of {phases}\n{trace}", line.name(situation))
+}
+
+/// The phase in which a line takes longest, and where that is.
+fn worst(rig: &Rig, situation: Situation, line: Line, phases: u32) -> (u32, Duration) {
     let phases = situation.phases(phases);
     let took = |phase: &u32| {
         let times = times(rig, situation, &[line], *phase, phases);
         times.into_iter().flatten().max().unwrap_or(Duration::MAX)
     };
-    let worst = (0..phases).max_by_key(took).unwrap_or_default();
-    let (after, bound) = (situation.offset(worst, phases), line.bound(situation));
-    let trace = rig.trace(after, &line.cause(rig, situation, worst, after), bound);
-    format!("{}, at {speed} a second, phase {worst} of {phases}\n{trace}", line.name(situation))
+    let phase = (0..phases).max_by_key(took).unwrap_or_default();
+    (phase, situation.offset(phase, phases))
 }
 
 /// The lines of the table of one situation.

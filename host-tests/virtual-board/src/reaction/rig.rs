@@ -343,11 +343,16 @@ impl Rig {
         turns::longest(&mut self.machine.borrow_mut(), functions)
     }
 
-    /// Every turn of them behind an e-stop, as text. The board is stopped then.
-    pub(super) fn turns_behind(&self, e_stop: &Cause, functions: &Functions) -> String {
+    /// Every turn of them behind what makes them stop, as text. The board has stopped them then.
+    pub(super) fn turns_behind(
+        &self,
+        after: Duration,
+        cause: &Cause,
+        functions: &Functions,
+    ) -> String {
         let mut machine = self.machine.borrow_mut();
-        machine.run_for(self.begin);
-        computer(machine.part_mut(), e_stop.from).send(&e_stop.bytes);
+        machine.run_for(self.begin + after);
+        computer(machine.part_mut(), cause.from).send(&cause.bytes);
         turns::in_order(&mut machine, functions)
     }
 

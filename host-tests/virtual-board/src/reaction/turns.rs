@@ -1,4 +1,4 @@
-//! Turns of the tasks: the longest ones, and those behind an e-stop in their order. None is
+//! Turns of the tasks: the longest ones, and those behind the cause of a stop in their order. None is
 //! interrupted by another task, so a stop waits for the one under way: for the eyes of who looks for
 //! the cause of a late stop.
 
@@ -14,7 +14,7 @@ use crate::measure::Functions;
 /// How often the board is looked at, and how long each time: two periods of a cycle of 16 axes.
 const LOOKS: u32 = 80;
 const LOOK: Duration = Duration::from_micros(100);
-/// Behind an e-stop finer, until the last stop has left.
+/// Behind the cause of a stop finer, until the last stop has left.
 const LOOKS_BEHIND: u32 = 500;
 const LOOK_BEHIND: Duration = Duration::from_micros(10);
 /// How many turns are told, and of each how many functions.
