@@ -159,7 +159,7 @@ impl Axes {
             axis.attach();
             self.touched.add(Set::of(axis.index));
         }
-        self.settle(now, now);
+        self.settle(now, now, Set::NONE);
         self.used = used;
         self.take_new_traffic();
     }
@@ -292,11 +292,12 @@ impl Axes {
     }
 
     /// Works out anew what is kept of the axes that may have changed. Returns the buses that they
-    /// are or were on. `after`: what was due until then has been done.
-    pub fn settle(&mut self, now: Instant, after: Instant) -> Set {
+    /// are or were on. `after`: what was due until then has been done; `unstopped`: time alone
+    /// brings nothing to these, which are looked at when they are reached.
+    pub fn settle(&mut self, now: Instant, after: Instant, unstopped: Set) -> Set {
         // What becomes ready meanwhile is asked for before its tick comes.
         let is_later = now > after && self.none_due_before <= now;
-        let ripe = if is_later { self.due_by(now) } else { Set::NONE };
+        let ripe = if is_later { self.due_by(now).without(unstopped) } else { Set::NONE };
         let touched = self.touched.take();
         self.used.add(touched);
         self.stale.add(touched);

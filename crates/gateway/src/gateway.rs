@@ -269,7 +269,7 @@ impl Gateway {
 
     #[inline(never)]
     fn settle_axes(&mut self, now: Instant) {
-        let changed = self.axes.settle(now, self.now);
+        let changed = self.axes.settle(now, self.now, self.unstopped.axes());
         self.touch_buses(changed);
         for bus in self.axes.take_new_traffic() {
             if let Some(bus) = self.buses.get_mut(bus) {
