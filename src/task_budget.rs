@@ -11,7 +11,7 @@ use core::cell::Cell;
 use core::future::poll_fn;
 use core::mem;
 use core::pin::Pin;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 use core::task::Poll;
 
 use embassy_executor::Metadata;
@@ -48,6 +48,8 @@ const BUDGET: u8 = 4;
 /// RS485 bus that has a first stop to send. So the stops of an e-stop leave in time although floods
 /// leave no task anything to wait for.
 const CAN_BUDGET: u8 = 250;
+/// And so many while an RS485 bus has a first stop to send, until that bus may have a turn.
+const CAN_TURNS: u8 = 4;
 
 /// So long the urgent tasks may keep the processor to themselves: the watchdog waits for three
 /// times as much, and a loop may miss being looked at once.
@@ -62,6 +64,8 @@ static OTHERS_STARVE: AtomicBool = AtomicBool::new(false);
 static STOPS_ON_CAN: AtomicBool = AtomicBool::new(false);
 /// An RS485 bus has.
 static STOPS_ON_LINES: AtomicBool = AtomicBool::new(false);
+/// How those that have are let pass.
+static LINES_PASS: AtomicU8 = AtomicU8::new(Pass::DONE);
 /// Rounds of urgent tasks.
 static ROUNDS: AtomicU32 = AtomicU32::new(0);
 /// Those of RS485 buses and host links, of the CAN buses, the deadlines and the e-stop input.
@@ -80,6 +84,19 @@ impl Urgency {
     }
 }
 
+/// Whether an RS485 bus has had a turn since it has a first stop to send.
+struct Pass;
+
+impl Pass {
+    /// It has.
+    const DONE: u8 = 0;
+    /// It has not, and is to be let pass.
+    const CAME: u8 = 1;
+    /// It has been let pass and had no turn: it had spent its budget just before, and waits behind
+    /// all other tasks.
+    const LET: u8 = 2;
+}
+
 type Urgent = (&'static Metadata, Urgency);
 
 #[expect(clippy::cast_possible_truncation, reason = "modulo")]
@@ -95,6 +112,9 @@ pub fn others_starve() -> bool {
 /// Whether CAN buses and RS485 buses have still to send the first stop of an axis: CAN buses then go
 /// before all others, and take turns with RS485 buses that have too.
 pub fn set_first_stops(on_can: bool, on_lines: bool) {
+    if on_lines && !STOPS_ON_LINES.load(Ordering::Relaxed) {
+        LINES_PASS.store(Pass::CAME, Ordering::Relaxed);
+    }
     STOPS_ON_LINES.store(on_lines, Ordering::Relaxed);
     if on_can != STOPS_ON_CAN.load(Ordering::Relaxed) {
         STOPS_ON_CAN.store(on_can, Ordering::Relaxed);
@@ -123,6 +143,16 @@ fn put_first(these: impl Fn(Urgency) -> bool) {
             }
         }
     });
+}
+
+/// The urgency with which CAN buses let RS485 buses pass that have first stops to send.
+fn let_lines_pass() -> Urgency {
+    match LINES_PASS.load(Ordering::Relaxed) {
+        Pass::CAME => LINES_PASS.store(Pass::LET, Ordering::Relaxed),
+        Pass::LET => return Urgency::None,
+        _ => {}
+    }
+    Urgency::Bus
 }
 
 /// Counts a round of an urgent task, and looks now and then whether the others starve. Tasks alone
@@ -168,6 +198,9 @@ impl TaskBudget {
         self.set_urgency(self.urgency.now());
         let (mut is_first, mut held) = (true, None);
         poll_fn(move |context| {
+            if self.urgency == Urgency::Bus {
+                LINES_PASS.store(Pass::DONE, Ordering::Relaxed);
+            }
             if let Some(result) = held.take() {
                 self.task.set_priority(self.urgency.now() as u8);
                 return Poll::Ready(result);
@@ -207,7 +240,7 @@ impl TaskBudget {
         let urgency = match self.urgency {
             Urgency::Bus if stops_on_lines => Urgency::Bus,
             _ if is_last => Urgency::None,
-            Urgency::Can if stops_on_lines => Urgency::Bus,
+            Urgency::Can if stops_on_lines && spent.is_multiple_of(CAN_TURNS) => let_lines_pass(),
             Urgency::Can if self.urgency.now() == Urgency::FirstStops => Urgency::Demand,
             _ => return,
         };
