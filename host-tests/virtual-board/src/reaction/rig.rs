@@ -353,6 +353,8 @@ impl Rig {
         let mut machine = self.machine.borrow_mut();
         machine.run_for(self.begin + after);
         computer(machine.part_mut(), cause.from).send(&cause.bytes);
+        let now = machine.now();
+        machine.run_for(cause.since.map_or(Duration::ZERO, |since| since - now));
         turns::in_order(&mut machine, functions)
     }
 
